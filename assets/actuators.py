@@ -7,25 +7,20 @@ import dagster as dg
 import pandas as pd
 
 from assets.approved import approval_metadata, approved_key, approved_part
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, ROBOT, Plan, group_of
+from assets.plan import ROBOT, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import models_agree, picture, plain_errors, table_of
-from pipeline.actuators import (
-    ActuatorSettings,
-    Calibration,
-    adapt,
-    calibrate_folder,
-    read_standing_pose,
-    stand,
-    torque_envelope,
-    write_adapted_robot,
-)
-from pipeline.actuators.folder import read_published
+from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from pipeline.actuators.adapted_robot import adapt, torque_envelope, write_adapted_robot
+from pipeline.actuators.calibrate import Calibration
+from pipeline.actuators.folder import calibrate_folder, read_published
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.batch import Manifest
 from pipeline.feedback.cell_weights import check_limits, lowered
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot
+from pipeline.robot_check.agreement import models_agree
 
 CALIBRATED = "every_motor_calibrated"
 AGREE = "adapted_models_agree"
@@ -55,18 +50,6 @@ def actuator_measurements(robot: str) -> dg.AssetSpec:
     )
 
 
-def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
-    """What both assets declare alike."""
-    return {
-        "key": plan.key,
-        "group_name": group_of(plan.name, plan.robot),
-        "kinds": {kind},
-        "tags": {"robot": plan.robot or ""},
-        "code_version": plan.code_version(),
-        **others,
-    }
-
-
 def actuator_calibration(plan: Plan) -> Any:
     """The asset `actuator_calibration` of a robot."""
     spec = dg.AssetCheckSpec(
@@ -77,7 +60,6 @@ def actuator_calibration(plan: Plan) -> Any:
     @plain_errors
     def actuator_calibration(context: dg.AssetExecutionContext):
         """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
-
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
         found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
@@ -85,15 +67,9 @@ def actuator_calibration(plan: Plan) -> Any:
         by_motor = {each.motor: each.to_dict() for each in found.calibrations}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings=by_motor, recomputed=len(found.recomputed))
         refused = [f"{each.motor} {each.verdict}" for each in found.calibrations if not each.accepted]
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=CALIBRATED,
-            passed=not refused,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={"found": "; ".join(refused) or f"{len(found.calibrations)} motors"},
-        )
+        check = check_result(plan, CALIBRATED, not refused, "; ".join(refused) or f"{len(found.calibrations)} motors")
         metadata = {**_calibration_metadata(found, folder), "motors recomputed": ", ".join(found.recomputed) or "none"}
-        return _result(plan, manifest, metadata, [check])
+        return result_of(plan, manifest, metadata, [check])
 
     return actuator_calibration
 
@@ -157,7 +133,6 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
     @plain_errors
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
-
         name = plan.robot or DEFAULT_ROBOT
         nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
@@ -173,30 +148,24 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
         facts |= {"feedback": [change.to_dict() for change in feedback]} if feedback else {}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
-        agree = models_agree(robot)
-        check = dg.AssetCheckResult(
-            asset_key=plan.key, check_name=AGREE, passed=agree.holds, metadata={"found": agree.found}
-        )
+        check = check_result(plan, AGREE, *models_agree(robot), warn=False)
         metadata, standing = _standing(plan, robot, actuators)
         metadata |= {
             **_difference(actuators),
             **approval_metadata(feedback),
             "dagster/uri": dg.MetadataValue.path(str(folder)),
         }
-        return _result(plan, manifest, metadata, [check, standing])
+        return result_of(plan, manifest, metadata, [check, standing])
 
     return adapted_robot
 
 
 def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], dg.AssetCheckResult]:
     """The robot held in its standing pose, with its armatures and without."""
-
     pose = read_standing_pose(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT), robot)
     if pose is None:
-        found = dg.AssetCheckResult(
-            asset_key=plan.key, check_name=STANDS, passed=True, metadata={"found": "no standing pose to try"}
-        )
-        return {"standing": "not tried: the robot's folder has no standing.csv"}, found
+        check = check_result(plan, STANDS, True, "no standing pose to try", warn=False)
+        return {"standing": "not tried: the robot's folder has no standing.csv"}, check
     armatures = {
         "adapted": robot.armature,
         "no armature": 0.0 * robot.armature,
@@ -205,18 +174,13 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
     stood = {name: stand(robot, pose, torque_envelope(actuators), each) for name, each in armatures.items()}
     rows = pd.DataFrame([{"model": name, **dataclasses.asdict(each)} for name, each in stood.items()])
     ours = stood["adapted"]
-    check = dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=STANDS,
-        passed=not ours.fell and ours.tilt_deg < MAX_TILT_DEG,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": f"{'fell after' if ours.fell else 'stood'} {ours.seconds:.1f} s, tilt {ours.tilt_deg:.2f}"},
-    )
+    found = f"{'fell after' if ours.fell else 'stood'} {ours.seconds:.1f} s, tilt {ours.tilt_deg:.2f}"
+    check = check_result(plan, STANDS, not ours.fell and ours.tilt_deg < MAX_TILT_DEG, found)
     return {"standing": table_of(rows, list(rows))}, check
 
 
 def _difference(actuators: Any) -> dict[str, Any]:
-    from pipeline.actuators import motors_source
+    from pipeline.actuators.adapted_robot import motors_source
 
     table = pd.DataFrame([vars(each) for each in actuators])
     columns = {
@@ -240,14 +204,3 @@ def _difference(actuators: Any) -> dict[str, Any]:
         "joints changed": ", ".join(changed) or "none",
         "verdict": "; ".join(sorted({each.verdict for each in actuators})),
     }
-
-
-def _result(plan: Plan, manifest: Manifest, metadata: dict, checks: list[dg.AssetCheckResult]) -> dg.MaterializeResult:
-    return dg.MaterializeResult(
-        asset_key=plan.key,
-        value=manifest,
-        metadata=metadata,
-        check_results=checks,
-        data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: "0"},
-    )

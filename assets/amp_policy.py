@@ -7,12 +7,10 @@ from typing import Any
 
 import dagster as dg
 
-from assets.actuators import declared
 from assets.approved import approved_key, approved_part
 from assets.plan import Plan, robot_plans
-from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import as_failure
+from assets.report import as_failure, declared, result_of
 from assets.resources import store_left_to_others
 from assets.tracker_choice import tracker_file
 from assets.training_process import (
@@ -34,7 +32,6 @@ from pipeline.training.config import preset
 
 def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     """The asset `amp_policy` of a robot."""
-
     deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
     plans = robot_plans(plan.robot or DEFAULT_ROBOT)
     deps += [plans[name].key for name in TRACKED]
@@ -59,7 +56,7 @@ def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResu
     facts = run_facts(run, robot) | {"stage": plan.name, "policy": "policy.npz"}
     manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
     metadata = {**curves_of(run.folder), **validation_of(run.folder), **_metadata(run, facts, about)}
-    return result_of(plan, manifest, metadata, [])
+    return result_of(plan, manifest, metadata)
 
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}
@@ -75,7 +72,6 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
 
     The largest kick grows by the same share as the approved one, since presets have different ones.
     """
-
     values = preset(preset_name).values()
     ends: dict[str, tuple[float, float]] = {}
     for change in changes:
@@ -88,7 +84,6 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
 
 def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
     """Write the files that training takes, from database, adapted robot and tracker; the folder, and what they are."""
-
     folder = project.policies(robot) / "bundle"
     tracker = tracker_files(project, robot)
     return folder, write_training_bundle(folder, project.expert_db(robot), project.adapted_robot(robot), tracker)
@@ -97,7 +92,6 @@ def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
 def tracker_files(project: Project, robot: str) -> Any:
     """The tracker and each reference that its undisturbed rollout follows to the end, with that rollout; None where
     nothing was rolled out."""
-
     plans = robot_plans(robot)
     names = [plans[name].key.to_user_string() for name in TRACKED]
     if not all(project.store.manifest_path(name).is_file() for name in names):

@@ -6,8 +6,6 @@ parts are empty, and nothing of the hardware's is read. A part of that file that
 own, so that the asset that uses it is stale and fails with that reason; nothing else does.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import Any

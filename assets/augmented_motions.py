@@ -17,7 +17,7 @@ from assets.report import picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
 from assets.tracker_choice import no_tracker, tracker_file
-from pipeline.actuators import read_actuators, torque_envelope
+from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.clips.outcome import Outcome
 from pipeline.files import settings
@@ -90,7 +90,6 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
 def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]:
     """Figures of the nominal rollouts, of which `worst` has a row each, and the share of disturbed ones that reached
     their end."""
-
     if worst.empty:
         return {"references tracked": 0}
     rows, speeds = worst.to_dict("records"), by_skill(worst)

@@ -15,7 +15,7 @@ from assets.actuators import measurements_key, measurements_version
 from assets.approved import approved_versions
 from assets.freshness import last_tags, stale_reasons, topological
 from assets.hardware import HARDWARE_LOGS, logs_version
-from assets.plan import SHARED, plans, robot_plans
+from assets.plan import SHARED, Plan, plans, robot_plans
 from assets.project import DEFAULT_ROBOT, Project
 from assets.sources import (
     DATA_VERSION_TAG,
@@ -35,50 +35,31 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
     Motions that can't be listed keep the version that was noted last: what needs them asks for them itself
     (`assets.bootstrap`) and fails with the reason, what does not (logs, approvals) is not kept from its work.
     """
-    versions = _motions(instance, project)
-    for robot in project.robots:
-        key, version = measurements_key(robot), measurements_version(project, robot)
-        versions[key] = version
-        _note(instance, key, version, {"files": len(list(project.actuators(robot).glob("*.csv")))})
-    versions[HARDWARE_LOGS], facts = logs_version(project)
-    _note(instance, HARDWARE_LOGS, versions[HARDWARE_LOGS], facts)
-    for key, (version, facts) in approved_versions(project).items():
-        versions[key] = version
-        _note(instance, key, version, facts)
-    return versions
-
-
-def _motions(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
-    """The version of the motions, where there is one."""
+    found: dict[dg.AssetKey, tuple[str, dict[str, Any]]] = {HARDWARE_LOGS: logs_version(project)}
+    versions: dict[dg.AssetKey, str] = {}
     try:
-        version, facts = motions_version(project)
+        found[RAW_MOTIONS] = motions_version(project)
+        note_sources(instance, [source.name for source in project.sources().all])
     except PipelineError:
         noted = _noted(instance, RAW_MOTIONS)
-        return {} if noted is None else {RAW_MOTIONS: noted}
-    _note(instance, RAW_MOTIONS, version, facts)
-    note_sources(instance, [source.name for source in project.sources().all])
-    return {RAW_MOTIONS: version}
+        versions |= {RAW_MOTIONS: noted} if noted else {}
+    else:
+        note_sources(instance, [source.name for source in project.sources().all])
+    for robot in project.robots:
+        files = {"files": len(list(project.actuators(robot).glob("*.csv")))}
+        found[measurements_key(robot)] = measurements_version(project, robot), files
+    for key, (version, facts) in {**found, **approved_versions(project)}.items():
+        versions[key] = version
+        if _noted(instance, key) != version:  # Dagster compares an external asset's versions with materializations
+            event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
+            instance.report_runless_asset_event(event)
+    return versions
 
 
 def _noted(instance: dg.DagsterInstance, key: dg.AssetKey) -> str | None:
     """The version of an asset that the history notes."""
-    last = instance.get_latest_materialization_event(key)
-    noted = last.asset_materialization.tags if last and last.asset_materialization else None
-    return (noted or {}).get(DATA_VERSION_TAG)
+    return (last_tags(instance, key) or {}).get(DATA_VERSION_TAG)
 
-
-def _note(instance: dg.DagsterInstance, key: dg.AssetKey, version: str, facts: dict[str, Any]) -> None:
-    """As a materialization that happened outside: Dagster holds an external asset's versions against these."""
-    if _noted(instance, key) != version:
-        event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
-        instance.report_runless_asset_event(event)
-
-
-OF_MOTIONS = (
-    *("retargeted_motions", "motion_variants", "reference_motions", "augmented_motions", "feasible_motions"),
-    "expert_db",
-)
-"""The stages of a robot that work on motions, and its database."""
 
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
 """Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
@@ -112,8 +93,8 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     gone.
     """
     selected = assets_of(run)
-    made_for_children = _made_for_children(_parents(), project)
-    wanted = _upstream(selected, made_for_children, set(plans(project))) - selected
+    parents = made_for(_parents(), plans(project))
+    wanted = upstream(selected, parents) - selected
     motions = find_motions(project) if SHARED[0].key in wanted | selected else None
     if motions and log:
         for sentence in motions.warnings():
@@ -123,7 +104,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
         remember_sources(project, motions)
     stale = {key: why for key, why in every_stale.items() if key in wanted}
     trackers = trackers_for(selected, run.run_config, stale, project)
-    stale |= _after_trackers(set(trackers) - set(stale), made_for_children, wanted)
+    stale |= _after_trackers(set(trackers) - set(stale), parents, wanted)
     if not stale:
         return
     if log:
@@ -134,17 +115,18 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
 
 
 def work_again(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger) -> None:
-    """Materialize the stages of motions and the databases in a run of their own, stale or not, and what they need.
+    """Materialize the databases and all between them and the motions in a run of their own, stale or not.
 
     Of the robots the default one's and those that have a database. Raises dg.Failure when that run fails.
     """
-    robots = [
-        robot
-        for robot in project.robots
-        if robot == DEFAULT_ROBOT or last_tags(instance, robot_plans(robot)["expert_db"].key) is not None
-    ]
-    stages = {plan.key for plan in SHARED} | {robot_plans(robot)[name].key for robot in robots for name in OF_MOTIONS}
-    needed = _upstream(stages, _made_for_children(_parents(), project), set(plans(project)))
+    databases = {robot: robot_plans(robot)["expert_db"].key for robot in project.robots}
+    there = {key for robot, key in databases.items() if robot == DEFAULT_ROBOT or last_tags(instance, key) is not None}
+    parents = made_for(_parents(), plans(project))
+    needed = upstream(there, parents)
+    stages = {SHARED[0].key}
+    for key in topological({key: parents.get(key, set()) & needed for key in needed}):
+        if parents.get(key, set()) & stages:
+            stages.add(key)
     stale = [key for key in stale_now(instance, project) if key in needed - stages]
     _materialize(instance, run, [*stale, *sorted(stages)], log, "not all stages could be materialized")
 
@@ -181,8 +163,8 @@ def _after_trackers(
 ) -> dict[dg.AssetKey, str]:
     """Trackers that are up to date but were trained on other clips, and what of the wanted assets is made with them."""
     found = dict.fromkeys(sorted(trackers), "the policy needs a tracker that was trained on these references")
-    for key in topological({key: parents[key] & wanted for key in wanted}):
-        new = sorted(parents[key] & set(found))
+    for key in topological({key: parents.get(key, set()) & wanted for key in wanted}):
+        new = sorted(parents.get(key, set()) & set(found))
         if key not in found and new:
             found[key] = f"'{new[0].to_user_string()}' is trained first"
     return found
@@ -223,25 +205,23 @@ def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:
     return {key: set(graph.get(key).parent_keys) for key in graph.get_all_asset_keys()}
 
 
-def _made_for_children(
-    parents: dict[dg.AssetKey, set[dg.AssetKey]], project: Project
+def made_for(
+    parents: Mapping[dg.AssetKey, set[dg.AssetKey]], plans: Mapping[dg.AssetKey, Plan]
 ) -> dict[dg.AssetKey, set[dg.AssetKey]]:
-    """Parents without those that a child takes as they are: a training never starts because its policy is wanted."""
-    known = plans(project)
+    """Assets that are made for each asset: its parents without soft inputs, so that no training starts because its
+    policy is wanted. Nothing is made for an external asset."""
     return {
-        key: {parent for parent in above if key not in known or not known[key].takes_as_it_is(parent)}
-        for key, above in parents.items()
+        key: {each for each in parents[key] if not plan.takes_as_it_is(each)}
+        for key, plan in plans.items()
+        if key in parents
     }
 
 
-def _upstream(
-    keys: set[dg.AssetKey], parents: dict[dg.AssetKey, set[dg.AssetKey]], made: set[dg.AssetKey]
-) -> set[dg.AssetKey]:
-    """Assets upstream of some assets. External assets are not made here, nor are their parents."""
+def upstream(keys: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]]) -> set[dg.AssetKey]:
+    """Some assets and all that is upstream of them."""
     found, todo = set(keys), list(keys)
     while todo:
-        key = todo.pop()
-        new = parents.get(key, set()) - found if key in made or key in keys else set()
+        new = parents.get(todo.pop(), set()) - found
         found |= new
         todo += new
     return found

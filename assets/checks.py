@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import dagster as dg
 
 from assets.plan import Plan
+from assets.report import check_result
 from pipeline.batch import Manifest
 
 Verdict = tuple[bool, str]
@@ -41,15 +42,7 @@ def evaluate(plan: Plan, manifest: Manifest) -> list[dg.AssetCheckResult]:
     results = []
     for check in checks_of(plan):
         passed, found = check.look(manifest)
-        results.append(
-            dg.AssetCheckResult(
-                asset_key=plan.key,
-                check_name=check.name,
-                passed=passed,
-                severity=dg.AssetCheckSeverity.ERROR if check.blocking else dg.AssetCheckSeverity.WARN,
-                metadata={"found": found},
-            )
-        )
+        results.append(check_result(plan, check.name, passed, found, warn=not check.blocking))
     return results
 
 

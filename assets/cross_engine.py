@@ -5,20 +5,18 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, table_of
+from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
+from pipeline.deployment import digest
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
 from pipeline.validation.bars import read_validation
 
 HOLDS = "holds_in_both_engines"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
 
 
 def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
@@ -44,25 +42,15 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         robot = plan.robot or DEFAULT_ROBOT
         bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
         judged = evaluated_policy(config, exported_policy, robot)
-        found = cross_engine(judged.deployed, grid, bars, pool=clip_pool.pool())
+        found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
         folder = PROJECT.simulated_failures(robot, "cross_engine")
-        logs = write_failures(judged.deployed, found, grid, folder)
-        for old in set(folder.glob("*.mcap")) - set(logs):
-            old.unlink()  # of an earlier verdict; feedback would go on learning from a cell that passes now
+        logs = write_failures(judged, found, grid, folder)
+        remove_earlier_logs(folder, logs)
         note = {"note": found.note} if found.note else {}
-        gains = judged.deployed.gains()
-        verdict = {"stage": plan.name, "policy": judged.digest, "gains": gains, **found.to_dict()}
+        facts = {"stage": plan.name, "policy": digest(judged.policy), "gains": judged.gains()}
+        verdict = {**facts, **found.to_dict()}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=HOLDS,
-            passed=found.passed,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={
-                "found": "; ".join(found.reasons) or "every required cell holds",
-                **note,
-            },
-        )
+        check = check_result(plan, HOLDS, found.passed, "; ".join(found.reasons) or "every required cell holds", note)
         rows = pd.DataFrame(found.rows())
         metadata = {
             "passed": found.passed,

@@ -6,13 +6,11 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.bootstrap import stale_now
 from assets.database_checks import judge_database, last_verdicts, realizability_check
 from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
-from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import curator_link, picture, plain_errors, table_of
+from assets.report import curator_link, declared, picture, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.dataset_export import export_database
 from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database

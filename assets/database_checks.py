@@ -16,9 +16,9 @@ from dagster._core.storage.asset_check_execution_record import AssetCheckExecuti
 from assets.motions import short_of_wanted
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import table_of
+from assets.report import check_result, table_of
 from assets.tracker_choice import tracker_file
-from pipeline.actuators import read_actuators, torque_envelope
+from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Manifest, Stage
 from pipeline.errors import FileError
 from pipeline.expert import DatabaseError, check_database
@@ -36,32 +36,20 @@ OTHER_SEED = 1000
 """Added to the seed of `data/tracking.yaml`: the same kind of disturbances, drawn again."""
 
 
-def realizability_spec(plan: Plan) -> dg.AssetCheckSpec:
-    """The check that `expert_db` declares."""
-    return dg.AssetCheckSpec(
-        REALIZABLE,
-        asset=plan.key,
-        description=f"A classifier tells windows of the database from rollouts under other seeds in at most "
-        f"{100 * WARN_ABOVE:.0f} of 100 held-out windows; 50 is chance.",
-    )
-
-
 def realizability_check(
     plan: Plan, feasible: Manifest, pool: Any, log: logging.Logger
 ) -> tuple[dg.AssetCheckResult, float | None]:
     """The check's result, and the accuracy; None where the database has too few motions to hold some out."""
-
     try:
         accuracy = measured(plan.robot or DEFAULT_ROBOT, feasible, pool, log)
     except (TooFewMotionsError, FileError) as error:
-        return _result(plan, True, f"not measured: {error}"), None
+        return check_result(plan, REALIZABLE, True, f"not measured: {error}"), None
     found = f"held-out accuracy {accuracy:.2f}; 0.5 is chance, a warning above {WARN_ABOVE:g}"
-    return _result(plan, accuracy <= WARN_ABOVE, found), accuracy
+    return check_result(plan, REALIZABLE, accuracy <= WARN_ABOVE, found), accuracy
 
 
 def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, seed: int = 0) -> float:
     """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
-
     plans, folder = robot_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
@@ -89,16 +77,6 @@ def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, s
     return accuracy_against_rollouts(clips, references, stage, robot, PROJECT.store, pool, log, seed)
 
 
-def _result(plan: Plan, passed: bool, found: str) -> dg.AssetCheckResult:
-    return dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=REALIZABLE,
-        passed=passed,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": found},
-    )
-
-
 WHOLE = "whole_database"
 COVERED = "every_skill_has_seconds"
 COMMANDS = "command_coverage"
@@ -124,7 +102,12 @@ def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
             asset=plan.key,
             description="The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
         ),
-        realizability_spec(plan),
+        dg.AssetCheckSpec(
+            REALIZABLE,
+            asset=plan.key,
+            description=f"A classifier tells windows of the database from rollouts under other seeds in at most "
+            f"{100 * WARN_ABOVE:.0f} of 100 held-out windows; 50 is chance.",
+        ),
     ]
 
 
@@ -134,17 +117,12 @@ def judge_database(plan: Plan, *, frames: bool = True) -> Iterator[dg.AssetCheck
         database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT), frames=frames)
     except DatabaseError as error:
         for name in (WHOLE, COVERED, COMMANDS):
-            yield dg.AssetCheckResult(
-                asset_key=plan.key, check_name=name, passed=False, metadata={"faults": str(error)}
-            )
+            yield check_result(plan, name, False, str(error), warn=False)
         return
-    found = {"clips": len(database.index)}
-    yield dg.AssetCheckResult(asset_key=plan.key, check_name=WHOLE, passed=len(database.index) > 0, metadata=found)
+    yield check_result(plan, WHOLE, len(database.index) > 0, f"{len(database.index)} clips", warn=False)
     if database.index.empty:
         for name in (COVERED, COMMANDS):
-            yield dg.AssetCheckResult(
-                asset_key=plan.key, check_name=name, passed=False, metadata={"found": "no clip is left"}
-            )
+            yield check_result(plan, name, False, "no clip is left", warn=False)
         return
     yield _every_skill(plan, database.index, database.manifest["stages"])
     yield _every_command(plan, database.index)
@@ -188,29 +166,17 @@ def _every_skill(plan: Plan, index: pd.DataFrame, stages: Mapping[str, Any]) -> 
         if skill != "transition" and value < MIN_SKILL_SECONDS
     ]
     short = short_of_wanted(stages)
-    return dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=COVERED,
-        passed=not poor,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": ", ".join(poor) or "all", **({"wanted by feedback": "; ".join(short)} if short else {})},
-    )
+    wanted = {"wanted by feedback": "; ".join(short)} if short else {}
+    return check_result(plan, COVERED, not poor, ", ".join(poor) or "all", wanted)
 
 
 def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
-
     values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
     found = coverage(index, values.balance, settings.read(PROJECT.settings("commands.yaml"), CommandSettings))
     axes, plane = found.cells.query("axis != 'forward_yaw'"), found.cells.query("axis == 'forward_yaw'")
     columns = ["axis", "low", "high", "seconds", "effective_seconds_before", "effective_seconds", "clips", "families"]
-    return dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=COMMANDS,
-        passed=not found.missing,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={
-            "missing": " ".join(found.missing) or "nothing",
-            "seconds by command": table_of(axes, columns),
-            "seconds by forward speed and yaw rate": table_of(plane, ["low", "high", "low_2", "high_2", *columns[3:]]),
-        },
-    )
+    shown = {
+        "seconds by command": table_of(axes, columns),
+        "seconds by forward speed and yaw rate": table_of(plane, ["low", "high", "low_2", "high_2", *columns[3:]]),
+    }
+    return check_result(plan, COMMANDS, not found.missing, " ".join(found.missing) or "nothing", shown)

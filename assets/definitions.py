@@ -4,7 +4,6 @@ from typing import Any
 
 import dagster as dg
 
-from assets.ablation import augmentation_ablation
 from assets.amp_policy import amp_policy
 from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
@@ -38,14 +37,13 @@ from assets.webots import webots_validation
 
 
 def policy_assets(robot: str) -> list[Any]:
-    """Training, ablation, export, limit cycles and release report of the robot in `robots/<robot>`."""
+    """Training, export, limit cycles and release report of the robot in `robots/<robot>`."""
     plans = robot_plans(robot)
     database, adapted, exported = (plans[name] for name in ("expert_db", "adapted_robot", "exported_policy"))
     known = released(robot)
     trials = known.get("hardware_trials")
     return [
         amp_policy(plans["amp_policy"], database, adapted),
-        augmentation_ablation(plans["augmentation_ablation"], database, adapted),
         exported_policy(exported, plans["amp_policy"], plans["robot_model"]),
         limit_cycles(plans["limit_cycles"], exported, adapted, trials.key if trials else None),
         release_report(plans["release_report"], known),

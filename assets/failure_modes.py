@@ -1,6 +1,5 @@
 """Failures of each trial, and its repetition in simulation where its policy is available; each trial once."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,14 +7,15 @@ import dagster as dg
 import pandas as pd
 
 from assets.hardware import trials_of
-from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, group_of, robot_plans
+from assets.plan import FIELD, TRIALS, Plan, robot_plans
 from assets.project import PROJECT
-from assets.report import as_failure, plain_errors, table_of
-from pipeline.actuators import ActuatorSettings, Calibration, adapt
+from assets.report import as_failure, check_result, declared, plain_errors, result_of, table_of
+from pipeline.actuators.adapted_robot import adapt
+from pipeline.actuators.calibrate import Calibration
+from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Manifest
-from pipeline.deployment import digest as policy_digest
-from pipeline.deployment import load_policy
-from pipeline.errors import FileError, PipelineError
+from pipeline.deployment import find_policy, load_policy
+from pipeline.errors import PipelineError
 from pipeline.failures.failure import NOT_OF_POLICY
 from pipeline.failures.find import find_failures
 from pipeline.failures.settings import FailureSettings
@@ -30,17 +30,6 @@ FAILURES = FIELD[0]
 LOOKED = "every_trial_looked_at"
 KEPT = ("report", "twin", "unread")
 """What the manifest holds of each trial."""
-
-
-def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
-    """What the assets about trials declare alike."""
-    return {
-        "key": plan.key,
-        "group_name": group_of(plan.name),
-        "kinds": {kind},
-        "code_version": plan.code_version(),
-        **others,
-    }
 
 
 def _calibrations() -> dict[str, Plan]:
@@ -70,21 +59,15 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
         recomputed=sum(each.get("new", False) for each in found.values()),
     )
     context.log.info(f"{len(found)} trials, {manifest.recomputed} evaluated again")
-    check = dg.AssetCheckResult(
-        asset_key=FAILURES.key,
-        check_name=LOOKED,
-        passed=not unread,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": "; ".join(unread) or f"{len(found)} trials"},
-    )
+    check = check_result(FAILURES, LOOKED, not unread, "; ".join(unread) or f"{len(found)} trials")
     faults = sum(each.get("fault", False) for each in found.values())
-    return result_of(FAILURES, manifest, _failure_metadata(manifest), [check], faults)
+    return result_of(FAILURES, manifest, _failure_metadata(manifest), [check], faults=faults)
 
 
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The findings on a trial. What goes wrong with one must not stop the others.
+    """The findings on a trial. A fault of one trial does not stop the others.
 
-    Raises dagster.Failure where the store cannot be read or written: that is no fault of the log.
+    Raises dagster.Failure for a store that cannot be read or written, which is no fault of the log.
     """
     try:
         return _looked_at(name, path, numbers)
@@ -103,7 +86,7 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         return {"unread": f"there is no folder robots/{robot}"}
     values = settings.read(PROJECT.settings("failures.yaml"), FailureSettings)
     calibration = PROJECT.store.load(_calibrations()[robot].key.to_user_string())
-    policy = policy_path(robot, numbers.get("policy_digest") or "")
+    policy = find_policy(PROJECT.policy_files(robot), numbers.get("policy_digest") or "")
     nominal = load_robot(PROJECT.robot_folder(robot))
     question = [
         *("looked at", FAILURES.code_version(), settings.plain(values), calibration.digest, nominal.digest),
@@ -123,7 +106,6 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
 
 
 def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, policy: Path | None, values: Any) -> dict:
-
     trial = read_trial(path)
     report = find_failures(trial, robot, actuators, values, file=str(numbers.get("log", trial.name)))
     ends = [each.time_s for each in report.failures if each.kind in ("fall", *NOT_OF_POLICY)]
@@ -134,21 +116,7 @@ def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, polic
     return {"report": report.to_dict(), "twin": twin.to_dict() if twin else None}
 
 
-def policy_path(robot: str, wanted: str) -> Path | None:
-    """The policy of a digest among those at hand: the digest of the file, or of the network and gains in it."""
-
-    for path in PROJECT.policy_files(robot) if wanted else ():
-        try:
-            known = (digest.of_file(path), policy_digest(load_policy(path)))
-        except FileError:
-            continue  # an npz of something else
-        if wanted in known:
-            return path
-    return None
-
-
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
-
     rows, kinds = [], {}
     reports = reports_of(manifest)
     for report in reports:
@@ -184,24 +152,4 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
 
 def reports_of(manifest: Manifest) -> list[Any]:
     """The reports in the result of `failure_modes`."""
-
     return [TrialReport.from_dict(each["report"]) for _, each in sorted(manifest.settings.items()) if "report" in each]
-
-
-def result_of(
-    plan: Plan,
-    manifest: Manifest,
-    metadata: dict[str, Any],
-    checks: list[dg.AssetCheckResult],
-    faults: int = 0,
-    more_tags: Mapping[str, str] | None = None,
-) -> dg.MaterializeResult:
-    """The result that Dagster notes."""
-    return dg.MaterializeResult(
-        asset_key=plan.key,
-        value=manifest,
-        metadata=metadata,
-        check_results=checks,
-        data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: str(faults), **(more_tags or {})},
-    )

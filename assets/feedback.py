@@ -13,10 +13,10 @@ import pandas as pd
 
 from assets.approval import ensure_token
 from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
-from assets.failure_modes import declared, reports_of, result_of
+from assets.failure_modes import reports_of
 from assets.plan import FIELD
 from assets.project import PROJECT
-from assets.report import curator_link, plain_errors, table_of
+from assets.report import check_result, curator_link, declared, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.feasibility import CommandSettings
 from pipeline.feedback.approved import Approvals, entries_of, write_entries
@@ -156,7 +156,6 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     They take effect when they are approved: by the job approve_feedback with this page's proposal, or by copying
     data/feedback/proposed.yaml to approved.yaml; the job take_back_feedback takes sections back.
     """
-
     rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
     commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
     bounds = settings.read(PROJECT.settings("curation.yaml"), Curation).windows.bounds
@@ -175,21 +174,14 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     approvals = approvals_of(PROJECT)
     declined = PROJECT.feedback.declined_changes()
     page = FeedbackPage.of(proposal, approvals, declined)
-    check = dg.AssetCheckResult(
-        asset_key=PROPOSAL,
-        check_name=NOTHING_PENDING,
-        passed=page.nothing_waits,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": page.sentence()},
-    )
+    check = check_result(FEEDBACK, NOTHING_PENDING, page.nothing_waits, page.sentence())
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
     shown = {PAGE_TAG: shown_state(approvals, declined)}
-    return result_of(FEEDBACK, manifest, page.metadata(found), [check], more_tags=shown)
+    return result_of(FEEDBACK, manifest, page.metadata(found), [check], tags=shown)
 
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
-
     approved = approvals_of(PROJECT).changes
     kept = [each for each in changes if not is_demonstration(each) or each in approved]
     write_entries(PROJECT.approved_feedback, entries_of(kept, proposal, "the rules, which ask for no approval"))
@@ -220,7 +212,7 @@ def sim_to_real_report(failure_modes: Manifest):
         "dagster/row_count": len(rows),
         "trials against their simulation": table_of(table, list(table)),
     }
-    return result_of(REPORT, manifest, metadata, [])
+    return result_of(REPORT, manifest, metadata)
 
 
 def _twin_row(name: str, twin: dict[str, Any]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ materialization, when its code, settings or robot changed, or when an input chan
 """
 
 from collections.abc import Mapping
+from graphlib import TopologicalSorter
 
 import dagster as dg
 
@@ -39,9 +40,10 @@ def stale_reasons(
     for key in topological(parents):
         if key not in plans:
             continue
-        tags = last_tags(instance, key)
-        versions[key] = tags.get(DATA_VERSION_TAG) if tags is not None else None
-        reason = _why(key, tags, project, plans[key], parents[key], stale, versions)
+        tags, plan = last_tags(instance, key), plans[key]
+        versions[key] = (tags or {}).get(DATA_VERSION_TAG)
+        inputs = (_why_by_input(tags or {}, plan, parent, stale, versions) for parent in sorted(parents[key]))
+        reason = _why_by_itself(tags, project, plan) or next(filter(None, inputs), "")
         if reason:
             stale[key] = reason
     project.store.note_blobs()
@@ -49,45 +51,35 @@ def stale_reasons(
 
 
 def topological(parents: Mapping[dg.AssetKey, set[dg.AssetKey]]) -> list[dg.AssetKey]:
-    """Keys ordered so that each comes after all of its parents; ties by name."""
-    ordered: list[dg.AssetKey] = []
-    open_keys = sorted(set(parents) | {key for each in parents.values() for key in each})
-    while open_keys:
-        ready = [key for key in open_keys if all(parent in ordered for parent in parents.get(key, ()))]
-        ordered += ready
-        open_keys = [key for key in open_keys if key not in ready]
-    return ordered
+    """Keys ordered so that each comes after all of its parents; equal graphs give equal orders."""
+    return list(TopologicalSorter({key: sorted(parents[key]) for key in sorted(parents)}).static_order())
 
 
-def _why(
-    key: dg.AssetKey,
-    tags: Mapping[str, str] | None,
-    project: Project,
-    plan: Plan,
-    parents: set[dg.AssetKey],
-    stale: Mapping[dg.AssetKey, str],
-    versions: Mapping[dg.AssetKey, str | None],
-) -> str:
+def _why_by_itself(tags: Mapping[str, str] | None, project: Project, plan: Plan) -> str:
+    """Why an asset is stale whatever its inputs are; empty if it is not."""
     if tags is None:
         return "it was never materialized"
     if stored_version(project, plan) != tags.get(DATA_VERSION_TAG):
         return "what is stored is not the result of its last materialization"
     if tags.get(FAULTS_TAG, "0") != "0":
         return f"the stage itself failed on {tags[FAULTS_TAG]} clips, which are tried again"
-    if tags.get(FINGERPRINT_TAG) != plan.fingerprint(project):
-        return "its code, settings or robot changed"
-    for parent in sorted(parents):
-        if parent in stale and not plan.takes_as_it_is(parent):
-            return f"'{parent.to_user_string()}' is stale"
-        if _noted(tags, parent) != versions.get(parent):
-            return f"'{parent.to_user_string()}' has new content"
-    return ""
+    return "" if tags.get(FINGERPRINT_TAG) == plan.fingerprint(project) else "its code, settings or robot changed"
 
 
-def _noted(tags: Mapping[str, str], parent: dg.AssetKey) -> str | None:
-    """Version of an input that a materialization noted; None for one that had never been materialized then."""
-    version = tags.get(INPUT_VERSION_PREFIX + parent.to_user_string())
-    return None if version == NEVER_MATERIALIZED else version
+def _why_by_input(
+    tags: Mapping[str, str],
+    plan: Plan,
+    parent: dg.AssetKey,
+    stale: Mapping[dg.AssetKey, str],
+    versions: Mapping[dg.AssetKey, str | None],
+) -> str:
+    """Why an input makes an asset stale; empty if it does not."""
+    name = parent.to_user_string()
+    if parent in stale and not plan.takes_as_it_is(parent):
+        return f"'{name}' is stale"
+    used = tags.get(INPUT_VERSION_PREFIX + name)
+    same = (None if used == NEVER_MATERIALIZED else used) == versions.get(parent)
+    return "" if same else f"'{name}' has new content"
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:
@@ -97,10 +89,11 @@ def stored_version(project: Project, plan: Plan) -> str | None:
             return database_version(project.expert_db(plan.robot or ""))
         if plan.name in ("adapted_robot", "exported_policy", *EXPORTS.values()) and not _whole(project, plan):
             return None
-        if plan.name == "feasible_motions" and not _has_criteria(project, plan):
-            return None
         asset = plan.key.to_user_string()
-        return digest.of_file(project.store.manifest_path(asset)) if project.store.holds_blobs_of(asset) else None
+        manifest = project.store.manifest_path(asset)
+        if plan.name == "feasible_motions" and not belongs(path_beside(manifest), manifest):
+            return None  # the table of criteria beside the manifest is of another one
+        return digest.of_file(manifest) if project.store.holds_blobs_of(asset) else None
     except (PipelineError, OSError):
         return None
 
@@ -110,13 +103,6 @@ def _whole(project: Project, plan: Plan) -> bool:
     (facts,) = project.store.load(plan.key.to_user_string()).settings.values()
     folder = project.root / facts["folder"] if "folder" in facts else project.adapted_robot(plan.robot or "")
     return all(digest.of_file(folder / name) == content for name, content in facts["files"].items())
-
-
-def _has_criteria(project: Project, plan: Plan) -> bool:
-    """The table of criteria beside the manifest is that of this manifest."""
-
-    manifest = project.store.manifest_path(plan.key.to_user_string())
-    return belongs(path_beside(manifest), manifest)
 
 
 def last_tags(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:

@@ -14,9 +14,9 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, HARDWARE, TRIALS, Plan, digest_of_robot
+from assets.plan import HARDWARE, TRIALS, Plan, digest_of_robot
 from assets.project import PROJECT, Project
-from assets.report import plain_errors, table_of
+from assets.report import check_result, declared, plain_errors, result_of, table_of
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.clips.outcome import Reason
 from pipeline.errors import PipelineError
@@ -92,7 +92,6 @@ def _names_before(project: Project, plan: Plan) -> dict[str, str]:
 
 def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, bool]:
     """The answer on a log, and whether a fault of the machine kept us from reading it."""
-
     aside: Path | None = None
     try:
         root = project.store.root / "ingest"
@@ -187,18 +186,13 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 
     A copy of a log changes nothing. Files that cannot be read are skipped: no other asset waits for logs.
     """
-
     logs, waiting = complete_logs(project.hardware_logs, project.log_digests)
     version = digest.of_json(sorted({log.question for log in logs}))
     return version, {"files": len(logs), "still being written": len(waiting)}
 
 
 @dg.asset(
-    key=TRIALS.key,
-    deps=[HARDWARE_LOGS],
-    group_name=HARDWARE,
-    kinds={"parquet"},
-    code_version=TRIALS.code_version(),
+    **declared(TRIALS, "parquet", deps=[HARDWARE_LOGS]),
     check_specs=[
         dg.AssetCheckSpec(READABLE, asset=TRIALS.key, description="No log is refused."),
         dg.AssetCheckSpec(VERIFIED, asset=TRIALS.key, description="Every log has checksums, which hold."),
@@ -207,40 +201,24 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 @plain_errors
 def hardware_trials(context: dg.AssetExecutionContext):
     """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
-
     values = settings.read(PROJECT.settings("hardware_logs.yaml"), LogSettings)
     found = ingest_folder(PROJECT, TRIALS, values, context.log)
     manifest = found.manifest
     refused = [row.clip for row in manifest.judged if row.fate == "rejected"]
     integrity_of = {row.clip: row.numbers["integrity"] for row in manifest.judged}
-    damaged = [
-        f"{log} {integrity}" for log, integrity in integrity_of.items() if integrity in ("recovered", "unverified")
+    damaged = [f"{log} {word}" for log, word in integrity_of.items() if word in ("recovered", "unverified")]
+    checks = [
+        check_result(TRIALS, name, not logs, ", ".join(logs) or f"{len(manifest.judged)} logs")
+        for name, logs in ((READABLE, refused), (VERIFIED, damaged))
     ]
-    checks = [_check(READABLE, refused, len(manifest.judged)), _check(VERIFIED, damaged, len(manifest.judged))]
-    return dg.MaterializeResult(
-        asset_key=TRIALS.key,
-        value=manifest,
-        metadata={**_metadata(manifest), "not looked at": "; ".join(found.passed_over) or "none"},
-        check_results=checks,
-        data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: TRIALS.fingerprint(PROJECT), FAULTS_TAG: str(found.faults)},
-    )
+    metadata = {**_metadata(manifest), "not looked at": "; ".join(found.passed_over) or "none"}
+    return result_of(TRIALS, manifest, metadata, checks, faults=found.faults)
 
 
 def trials_of(manifest: Manifest) -> Iterator[tuple[str, Path, dict[str, Any]]]:
     """Name, Parquet file (`pipeline.hardware_logs.read_trial`) and numbers of each trial that was ingested."""
     for entry in manifest.entries:
         yield entry.clip, PROJECT.store.own_blobs.path(entry.blob), entry.numbers
-
-
-def _check(name: str, found: list[str], count: int) -> dg.AssetCheckResult:
-    return dg.AssetCheckResult(
-        asset_key=TRIALS.key,
-        check_name=name,
-        passed=not found,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": ", ".join(found) or f"{count} logs"},
-    )
 
 
 def _metadata(manifest: Manifest) -> dict[str, Any]:

@@ -6,21 +6,19 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.hardware import trials_of as files_of
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of, served
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, served
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, table_of
+from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
+from pipeline.deployment import digest
 from pipeline.files import settings
 from pipeline.hardware_logs.trial import read_trial
 from pipeline.validation.bars import read_validation
 from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
 
 
 def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey | None) -> Any:
@@ -41,17 +39,18 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         robot = plan.robot or DEFAULT_ROBOT
         rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
         judged = evaluated_policy(config, exported_policy, robot)
-        names = {judged.digest, *_file_of(exported_policy, judged.digest)}
-        found = find(judged.deployed, trials_of(trials, robot, names), values, rules.limit_cycles)
+        policy, facts = digest(judged.policy), served(exported_policy)
+        names = {policy} | ({facts["files"]["policy.npz"]} if facts["digest"] == policy else set())  # logs name either
+        found = find(judged, trials_of(trials, robot, names), values, rules.limit_cycles)
         reasons = [reason for each in found if each.required for reason in each.reasons]
         spared = [each for each in found if not each.required]
         shown = [text for each in spared for text in (f"{each.speed_m_s:g} m/s: {each.why}", *each.reasons)]
-        note = rules.reference.note_on(judged.deployed.robot.digest)
+        note = rules.reference.note_on(judged.robot.digest)
         passed = not reasons and any(each.required for each in found)
         verdict = {
             "stage": plan.name,
-            "policy": judged.digest,
-            "robot": judged.deployed.robot.digest,
+            "policy": policy,
+            "robot": judged.robot.digest,
             "robot_of_bars": rules.reference.robot,
             "note": note or None,
             "passed": passed,
@@ -61,21 +60,14 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
             "speeds": [each.to_dict() for each in found],
         }
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=AGREE,
-            passed=passed,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={
-                "found": "; ".join(reasons) or ("within the bars" if passed else NONE_REQUIRED),
-                **({"note": note} if note else {}),
-            },
-        )
+        shown_note = {"note": note} if note else {}
+        what = "; ".join(reasons) or ("within the bars" if passed else NONE_REQUIRED)
+        check = check_result(plan, AGREE, passed, what, shown_note)
         rows = pd.DataFrame([row for each in found for row in each.rows()])
         compared = pd.DataFrame([_row(each.speed_m_s, one) for each in found for one in each.comparisons])
         metadata = {
             "passed": passed,
-            **({"note": note} if note else {}),
+            **shown_note,
             "not required": "; ".join(shown) or "none",
             "not compared": "; ".join(verdict["not run"]) or "none",
             "pictures": picture(limit_cycle_plots(found)),
@@ -92,18 +84,11 @@ NONE_REQUIRED = "no speed is required: nothing was shown"
 
 def trials_of(trials: dg.AssetKey | None, robot: str, policies: set[str]) -> Iterator[Any]:
     """The trials of a robot that a policy of these digests walked; none where no log was read."""
-
     if trials is None or not PROJECT.store.manifest_path(trials.to_user_string()).is_file():
         return
     for _, path, numbers in files_of(PROJECT.store.load(trials.to_user_string())):
         if numbers.get("robot") == robot and numbers.get("policy_digest") in policies:
             yield read_trial(path)
-
-
-def _file_of(exported: Manifest, policy: str) -> list[str]:
-    """Digest of the policy's file, which a log may name in place of the network's."""
-    facts = served(exported)
-    return [facts["files"]["policy.npz"]] if facts["digest"] == policy else []
 
 
 def _row(speed: float, one: Any) -> dict[str, Any]:

@@ -12,9 +12,9 @@ import dagster as dg
 
 from assets.approved import approval_metadata, approved_key, approved_part, noting
 from assets.checks import check_specs
-from assets.plan import SHARED, group_of
+from assets.plan import SHARED
 from assets.project import PROJECT
-from assets.report import picture, plain_errors, stage_metadata
+from assets.report import declared, picture, plain_errors, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
 from assets.stage import materialized, stage_of
@@ -63,11 +63,7 @@ CATALOG, SELECTED, REPAIRED = SHARED
 
 
 @dg.asset(
-    key=CATALOG.key,
-    deps=[RAW_MOTIONS],
-    group_name=group_of(CATALOG.name),
-    kinds={"python"},
-    code_version=CATALOG.code_version(),
+    **declared(CATALOG, "python", deps=[RAW_MOTIONS]),
     check_specs=check_specs(CATALOG),
 )
 @plain_errors
@@ -90,13 +86,8 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
 
 
 @dg.asset(
-    key=SELECTED.key,
+    **declared(SELECTED, "python", deps=[approved_key("selection", None)], tags={"kp": "1"}),
     ins={"motion_catalog": dg.AssetIn(CATALOG.key)},
-    deps=[approved_key("selection", None)],
-    group_name=group_of(SELECTED.name),
-    kinds={"python"},
-    tags={"kp": "1"},
-    code_version=SELECTED.code_version(),
     check_specs=check_specs(SELECTED),
 )
 @plain_errors
@@ -123,12 +114,8 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
 
 
 @dg.asset(
-    key=REPAIRED.key,
+    **declared(REPAIRED, "numpy", tags={"kp": "2"}),
     ins={"selected_motions": dg.AssetIn(SELECTED.key)},
-    group_name=group_of(REPAIRED.name),
-    kinds={"numpy"},
-    tags={"kp": "2"},
-    code_version=REPAIRED.code_version(),
     check_specs=check_specs(REPAIRED),
 )
 @plain_errors

@@ -141,13 +141,11 @@ RELEASED = (
     "cross_engine_validation",
     "webots_validation",
     "limit_cycles",
-    "augmentation_ablation",
     "hardware_trials",
     "sim_to_real_report",
 )
 """What the release report is made from, as it is: it runs nothing, and says what was not run."""
 
-_TRAINING = ("training", "learning", "expert", "tracking")
 _WALKS = ("validation", "deployment", "actuators")
 _BARS: dict[str, Any] = {"robot_settings_files": ("validation.yaml",)}
 """A robot's thresholds for policies, in its folder."""
@@ -164,8 +162,12 @@ _OF_ROBOT = (
     Plan("feasible_motions", FEASIBILITY, ("feasibility",), ("feasibility.yaml", "commands.yaml", "curation.yaml")),
     Plan("expert_db", DATABASE, ("expert", "tracking")),
     *(Plan(name, DATABASE, ("dataset_export",)) for name in EXPORTS.values()),
-    Plan("amp_policy", TRAINING, (*_TRAINING, "validation", "dart", "export", "deployment"), names_robot=True),
-    Plan("augmentation_ablation", TRAINING, _TRAINING, shipped_policies=True),
+    Plan(
+        "amp_policy",
+        TRAINING,
+        ("training", "learning", "expert", "tracking", "validation", "dart", "export", "deployment"),
+        names_robot=True,
+    ),
     Plan(
         "exported_policy",
         VALIDATION,

@@ -3,30 +3,32 @@
 `evaluated_policy` is the policy that a validation evaluates: the exported one, or an npz given by path.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import dagster as dg
 import numpy as np
 
-from assets.actuators import declared
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
+from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import plain_errors
+from assets.report import check_result, declared, plain_errors, result_of
 from assets.training_process import curves_of
 from pipeline.batch import Manifest
-from pipeline.deployment import digest as policy_digest
 from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.export.card import page
 from pipeline.robot import load_robot
-from pipeline.validation.deployed import deployed as deployed_policy
+from pipeline.validation.deployed import Deployed, deployed
 
 EXACT = "gives_the_networks_actions"
 MAY_SHIP = "may_ship"
 TRAINED, SHIPPED = "trained here", "ships with the project"
 """Where an exported policy comes from; the two are never confused."""
+
+
+VERDICT = "verdict"
+"""Key of a validation's result in its manifest."""
 
 
 class NoPolicyError(PipelineError):
@@ -51,9 +53,11 @@ def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
     @plain_errors
     def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig):
         """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
+        from pipeline.export.folder import read_export
+
         robot = plan.robot or DEFAULT_ROBOT
         folder, origin = serve(PROJECT, robot, trained, shippable=config.shippable)
-        export = read_served_folder(folder, robot)
+        export = read_export(folder, load_robot(PROJECT.robot_folder(robot)))
         card = export.card
         context.log.info(f"policy '{card.name}' of run '{card.run.get('name')}': {origin}")
         facts = {
@@ -110,13 +114,6 @@ def full_training(project: Project, trained: Plan) -> dict[str, Any] | None:
     return None if facts["trial"] or not there else facts
 
 
-def read_served_folder(folder: Path, robot: str) -> Any:
-    """The whole export in a folder. Raises FileError where a file isn't the one its card states."""
-    from pipeline.export.folder import read_export
-
-    return read_export(folder, load_robot(PROJECT.robot_folder(robot)))
-
-
 def served(manifest: Manifest) -> dict[str, Any]:
     """What `exported_policy` recorded: `robot, name, origin, run, digest, database, shippable, folder, files`."""
     (facts,) = manifest.settings.values()
@@ -131,7 +128,6 @@ def served_policy(manifest: Manifest) -> Any:
 
 
 def _export_metadata(export: Any, origin: str) -> dict[str, Any]:
-
     card = export.card
     metadata: dict[str, Any] = {
         "policy": card.name,
@@ -151,37 +147,15 @@ def _export_metadata(export: Any, origin: str) -> dict[str, Any]:
 
 
 def _export_checks(plan: Plan, card: Any) -> list[dg.AssetCheckResult]:
-    worst = max(card.parity["onnx"], card.parity["torch_script"])
     from pipeline.export.parity import TOLERANCE
 
-    exact = dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=EXACT,
-        passed=card.parity["times_allowed"] <= 1.0,
-        metadata={"found": f"{worst:.1e} over {card.parity['observations']} observations, allowed {TOLERANCE:.0e}"},
-    )
-    ships = dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=MAY_SHIP,
-        passed=card.shippable,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": f"{'marked' if card.shippable else 'not marked'} as one that may ship. {card.why}"},
-    )
-    return [exact, ships]
-
-
-def result_of(
-    plan: Plan, manifest: Manifest, metadata: dict[str, Any], checks: list[dg.AssetCheckResult]
-) -> dg.MaterializeResult:
-    """The result that Dagster notes: content as data version, what it depended on as a tag; tables come last."""
-    return dg.MaterializeResult(
-        asset_key=plan.key,
-        value=manifest,
-        metadata=dict(sorted(metadata.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))),
-        check_results=checks,
-        data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: "0"},
-    )
+    worst = max(card.parity["onnx"], card.parity["torch_script"])
+    exact = f"{worst:.1e} over {card.parity['observations']} observations, allowed {TOLERANCE:.0e}"
+    ships = f"{'marked' if card.shippable else 'not marked'} as one that may ship. {card.why}"
+    return [
+        check_result(plan, EXACT, card.parity["times_allowed"] <= 1.0, exact, warn=False),
+        check_result(plan, MAY_SHIP, card.shippable, ships),
+    ]
 
 
 class EvaluatedPolicyConfig(dg.Config):
@@ -191,15 +165,13 @@ class EvaluatedPolicyConfig(dg.Config):
     """An npz to evaluate in place of the exported policy. The release report then calls it another policy's result."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EvaluatedPolicy:
-    """A policy on the adapted robot, and the digest of what walks, whatever its manifest says."""
-
-    deployed: Any
-    digest: str
-
-
-def evaluated_policy(config: EvaluatedPolicyConfig, exported: Manifest, robot: str) -> EvaluatedPolicy:
-    """The policy that is meant. Raises FileError."""
+def evaluated_policy(config: EvaluatedPolicyConfig, exported: Manifest, robot: str) -> Deployed:
+    """The policy that is meant, on the adapted robot. Raises FileError."""
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
-    return EvaluatedPolicy(deployed=deployed_policy(PROJECT.adapted_robot(robot), policy), digest=policy_digest(policy))
+    return deployed(PROJECT.adapted_robot(robot), policy)
+
+
+def remove_earlier_logs(folder: Path, logs: Sequence[Path]) -> None:
+    """Remove the logs of an earlier verdict: feedback would learn from a cell that passes now."""
+    for old in set(folder.glob("*.mcap")) - set(logs):
+        old.unlink()

@@ -8,12 +8,11 @@ from typing import Any
 import dagster as dg
 import numpy as np
 
-from assets.actuators import declared
 from assets.bootstrap import cause, stale_now
 from assets.plan import RELEASED, Plan, plans
-from assets.policy import result_of, served, served_policy
+from assets.policy import served, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import page_link, plain_errors
+from assets.report import check_result, declared, page_link, plain_errors, result_of
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
@@ -46,10 +45,8 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
     @plain_errors
     def release_report(context: dg.AssetExecutionContext):
         """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
-
         robot = plan.robot or DEFAULT_ROBOT
-        stale = {key: why for key, why in stale_now(context.instance, PROJECT).items()}
-        dossier = gather(context.instance, PROJECT, robot, known, stale)
+        dossier = gather(context.instance, PROJECT, robot, known, stale_now(context.instance, PROJECT))
         path = PROJECT.release_report(robot)
         text = page(dossier)
         atomic.write_text(path, text)
@@ -58,13 +55,7 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
             context.log.info(f"open: {point}")
         facts = {"stage": plan.name, "policy": dossier.policy, "page": digest.of_bytes(text.encode()), "open": points}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={"release": {**facts, "open": [*points]}})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=READY,
-            passed=not points,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={"found": "; ".join(points) or "every check was run and passed"},
-        )
+        check = check_result(plan, READY, not points, "; ".join(points) or "every check was run and passed")
         metadata = {
             "policy": dossier.policy or "none",
             "open points": dg.MetadataValue.md(markdown_list(points)),

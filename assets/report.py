@@ -1,25 +1,78 @@
-"""What a person sees of a stage: metadata, tables, pictures, links, and errors of one sentence.
+"""What assets declare and report: result, checks, metadata, tables, pictures, links, and errors of one sentence.
 
 `plain_errors`: a PipelineError or TrainingError becomes a Failure with that sentence, without a traceback of ours.
 """
 
 import base64
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
 import dagster as dg
-import mujoco
 import pandas as pd
 
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of
+from assets.project import PROJECT
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
-from pipeline.files.shown_text import escaped
+from pipeline.files.shown_text import markdown_table
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
+
+
+def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
+    """The arguments of `dg.asset` that follow from the plan."""
+    tags = {"tags": {"robot": plan.robot}} if plan.robot else {}
+    return {
+        "key": plan.key,
+        "group_name": group_of(plan.name, plan.robot),
+        "kinds": {kind},
+        "code_version": plan.code_version(),
+        **tags,
+        **others,
+    }
+
+
+def result_of(
+    plan: Plan,
+    manifest: Manifest,
+    metadata: Mapping[str, Any],
+    checks: Sequence[dg.AssetCheckResult] = (),
+    *,
+    faults: int = 0,
+    tags: Mapping[str, str] | None = None,
+) -> dg.MaterializeResult:
+    """The result that Dagster records: content as data version, fingerprint and faults as tags; tables come last."""
+    return dg.MaterializeResult(
+        asset_key=plan.key,
+        value=manifest,
+        metadata=dict(sorted(metadata.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))),
+        check_results=checks,
+        data_version=dg.DataVersion(manifest.digest),
+        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: str(faults), **(tags or {})},
+    )
+
+
+def check_result(
+    plan: Plan, name: str, passed: bool, found: str, more: Mapping[str, Any] | None = None, *, warn: bool = True
+) -> dg.AssetCheckResult:
+    """The result of a check.
+
+    Args:
+        found: what it found
+        more: further metadata
+        warn: whether a failed check is a warning, not an error
+    """
+    return dg.AssetCheckResult(
+        asset_key=plan.key,
+        check_name=name,
+        passed=passed,
+        severity=dg.AssetCheckSeverity.WARN if warn else dg.AssetCheckSeverity.ERROR,
+        metadata={"found": found, **(more or {})},
+    )
+
 
 MAX_ROWS = 200
 """Rows of a table that are shown; the manifest has all."""
@@ -30,7 +83,12 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
 
     Clips that are kept are in the manifest's order, or those with the largest number `highest_first` come first.
     """
-    fates, table = manifest.fates(), manifest.judged_table([])
+    fates, judged = manifest.fates(), manifest.judged_table([])
+    order = [("rejected", "partly", "accepted").index(fate) for fate in judged["fate"]]
+    worst_first = judged.assign(order=order).sort_values(by=["order", "clip"])
+    entries = manifest.entry_table(["skill", "seconds", *columns, highest_first])
+    if highest_first in entries.columns:
+        entries = entries.sort_values(by=[highest_first, "clip"], ascending=[False, True], na_position="last")
     metadata: dict[str, Any] = {
         "clips in": fates.total(),
         "clips out": len(manifest.entries),
@@ -41,29 +99,15 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
         "seconds out": round(manifest.seconds("seconds_out"), 2),
         "clips recomputed": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
-        "verdict on each clip": table_of(_worst_first(table), ["clip", "fate", "seconds_in", "seconds_out", "reasons"]),
-        "what went on": table_of(
-            _highest_first(manifest.entry_table(["skill", "seconds", *columns, highest_first]), highest_first),
-            ["clip", "skill", "seconds", *columns],
-        ),
+        "verdict on each clip": table_of(worst_first, ["clip", "fate", "seconds_in", "seconds_out", "reasons"]),
+        "what went on": table_of(entries, ["clip", "skill", "seconds", *columns]),
     }
     for effect in ("rejected", "repaired", "noted"):
         counts = manifest.reason_counts(effect)
         if counts:
-            lines = [f"| {escaped(code)} | {count} |" for code, count in sorted(counts.items())]
-            metadata[f"reasons {effect}"] = dg.MetadataValue.md("\n".join(["| reason | times |", "|---|---|", *lines]))
+            text = markdown_table(("reason", "times"), sorted(counts.items()))
+            metadata[f"reasons {effect}"] = dg.MetadataValue.md(text)
     return metadata
-
-
-def _worst_first(table: pd.DataFrame) -> pd.DataFrame:
-    order = [("rejected", "partly", "accepted").index(fate) for fate in table["fate"]]
-    return table.assign(order=order).sort_values(by=["order", "clip"]).drop(columns="order")
-
-
-def _highest_first(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    if column not in table.columns:
-        return table
-    return table.sort_values(by=[column, "clip"], ascending=[False, True], na_position="last")
 
 
 def table_of(frame: pd.DataFrame, columns: Sequence[str]) -> dg.TableMetadataValue:
@@ -102,28 +146,6 @@ def page_link(path: str, name: str) -> dict[str, dg.MarkdownMetadataValue]:
     """The metadata row of a link to a path of the curator's server."""
     link = f"{ADDRESS}/{path}"
     return {name: dg.MetadataValue.md(f"[{link}]({link}) (start it with `booster-lab curate`)")}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Agreement:
-    """Whether the models agree, and what was found."""
-
-    holds: bool
-    found: str
-
-
-def models_agree(robot: Robot) -> Agreement:
-    """Compile both model files with their own tools and compare mass and joints."""
-    import pinocchio
-
-    mjcf = mujoco.MjModel.from_xml_string(robot.mjcf)
-    urdf = pinocchio.buildModelFromXML(robot.urdf, pinocchio.JointModelFreeFlyer())
-    masses = float(mjcf.body_subtreemass[0]), sum(inertia.mass for inertia in urdf.inertias)
-    joints = {mjcf.joint(index).name for index in range(1, mjcf.njnt)}, set(urdf.names) - {"universe", "root_joint"}
-    holds = abs(masses[0] - masses[1]) < 1e-6 and joints[0] == joints[1] == set(robot.joint_names)
-    return Agreement(
-        holds=holds, found=f"mass MJCF {masses[0]:.6f} kg, URDF {masses[1]:.6f} kg; {len(joints[0])} joints each"
-    )
 
 
 def joint_table(robot: Robot) -> pd.DataFrame:

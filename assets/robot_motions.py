@@ -17,7 +17,16 @@ from assets.database_checks import database_check_specs
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
-from assets.report import as_failure, joint_table, models_agree, picture, plain_errors, stage_metadata, table_of
+from assets.report import (
+    as_failure,
+    check_result,
+    joint_table,
+    picture,
+    plain_errors,
+    result_of,
+    stage_metadata,
+    table_of,
+)
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracker_choice import no_tracker
@@ -33,6 +42,7 @@ from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot
 from pipeline.robot.size import scaled
+from pipeline.robot_check.agreement import models_agree
 from pipeline.selection import Curation, without_excluded
 from pipeline.tracking.neighbours import AT_FAULT
 from pipeline.tracking.variations import accepted_variations, distances
@@ -86,16 +96,12 @@ def _robot_model(plan: Plan) -> Any:
     @plain_errors
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
-
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
-        agree = models_agree(robot)
-        result = materialized(plan, manifest, {"joints": table_of(joint_table(robot), list(joint_table(robot)))})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key, check_name="models_agree", passed=agree.holds, metadata={"found": agree.found}
-        )
-        return result._replace(check_results=[check])
+        check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
+        joints = joint_table(robot)
+        return result_of(plan, manifest, {"joints": table_of(joints, list(joints))}, [check])
 
     return robot_model
 
@@ -154,7 +160,6 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         adapted_robot: Manifest,
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
-
         from pipeline.viewing.contact_sheet import worst_clips
         from pipeline.viewing.plots import command_seconds, lost_seconds
 
@@ -194,12 +199,8 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=stored.name,
-            passed=not damaged,
-            metadata={"found": ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"},
-        )
+        what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
+        check = check_result(plan, stored.name, not damaged, what, warn=False)
         result = materialized(plan, manifest, metadata)
         return result._replace(check_results=[*result.check_results, check])
 
@@ -225,7 +226,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
     A reference that its rollout showed to be at fault (`pipeline.tracking.neighbours`) is no candidate either.
     """
-
     if kind == "rollouts":
         return rollouts
     at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
@@ -242,7 +242,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
 def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
-
     found = accepted_variations(rollouts, feasible)
     if found.empty:
         return {}
@@ -257,7 +256,6 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
 
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
-
     made = balance(manifest.entry_table(READ), values.balance, commands)[["clip", "weight", "family"]]
     facts = {"stage": COMMANDS, **settings.plain(commands)}
     named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(facts): facts})

@@ -48,11 +48,6 @@ def fail_dead_runs(instance: dg.DagsterInstance, folder: Path) -> list[str]:
     return [run.run_id for run in failed]
 
 
-def is_held(path: Path) -> bool:
-    """Whether a living process holds a run's file."""
-    return path.is_file() and not _is_dead(path)
-
-
 def _is_dead(path: Path) -> bool:
     """Whether a file exists that no process holds; a file that disappears meanwhile is of a run that just ended."""
     try:
@@ -99,7 +94,9 @@ def recent_runs(
     for record in records:
         run = record.dagster_run
         age_s = time.time() - record.create_timestamp.timestamp()
-        waits = run.status == dg.DagsterRunStatus.QUEUED or age_s < START_S or is_held(folder / run.run_id)
+        path = folder / run.run_id
+        alive = path.is_file() and not _is_dead(path)
+        waits = run.status == dg.DagsterRunStatus.QUEUED or age_s < START_S or alive
         if not run.is_finished and waits:
             running = True
             over.remove(run)

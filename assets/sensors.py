@@ -25,7 +25,7 @@ from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
 from assets.project import PROJECT, Project
-from assets.runs import MAX_FAILURES, RecentRuns, recent_runs
+from assets.runs import MAX_FAILURES, recent_runs
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest
@@ -114,7 +114,8 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
         return dg.SkipReason("no database is behind what is approved")
     reasons = "; ".join(f"{key.to_user_string()}: {why}" for key, why in sorted(late.items()))
     mark = {APPROVED_TAG: state[:FINGERPRINT_DIGITS]}
-    found = _runs_for(instance, project, mark)
+    runs = dg.RunsFilter(job_name=recurate.name)  # the databases are still behind: each run that ended counts as failed
+    found = recent_runs(instance, project, runs, lambda run: run.tags.get(APPROVED_TAG) == mark[APPROVED_TAG])
     if found.running:
         return dg.SkipReason(f"a run was started for what is approved now ({reasons})")
     if found.cancelled:
@@ -128,12 +129,6 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
             f"look at run {found.last_run}, then start the job recurate by hand"
         )
     return dg.RunRequest(job_name=recurate.name, asset_selection=sorted(late), tags=mark)
-
-
-def _runs_for(instance: dg.DagsterInstance, project: Project, mark: dict[str, str]) -> RecentRuns:
-    """Runs for the current approvals. Databases are still behind, so each that ended counts as failed."""
-    runs = dg.RunsFilter(job_name=recurate.name)
-    return recent_runs(instance, project, runs, lambda run: run.tags.get(APPROVED_TAG) == mark[APPROVED_TAG])
 
 
 @dg.sensor(

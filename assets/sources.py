@@ -10,8 +10,8 @@ import dagster as dg
 from assets.plan import group_of
 from assets.project import Project
 from pipeline.files import digest
-from pipeline.files.shown_text import escaped
-from pipeline.readers import Source, SourcesInUse, content_digest, list_files, list_motion_files, source_warnings
+from pipeline.files.shown_text import markdown_table
+from pipeline.readers import SourcesInUse, content_digest, list_files, list_motion_files, source_warnings
 from pipeline.readers.remembered import VARIABLE, check_sources, remember
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
@@ -98,13 +98,6 @@ def motions_version(project: Project) -> tuple[str, dict[str, Any]]:
     motions = find_motions(project)
     files = motions.files()
     version = digest.of_json([(name, content) for name, _, content, _ in files])
-    return version, {"files": len(files), "sources": dg.MetadataValue.md(_source_table(motions))}
-
-
-def _source_table(motions: Motions) -> str:
-    rows = [_row(source, len(motions.paths[source.name])) for source in motions.sources.all]
-    return "\n".join(["| source | licence | files |", "|---|---|---|", *rows])
-
-
-def _row(source: Source, files: int) -> str:
-    return f"| {escaped(source.name)} | {escaped(source.licence)} | {files} |"
+    rows = [(source.name, source.licence, len(motions.paths[source.name])) for source in motions.sources.all]
+    table = markdown_table(("source", "licence", "files"), rows)
+    return version, {"files": len(files), "sources": dg.MetadataValue.md(table)}

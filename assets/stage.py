@@ -8,9 +8,9 @@ import pandas as pd
 
 from assets.approved import approved_key
 from assets.checks import evaluate
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot, group_of
+from assets.plan import Plan, digest_of_robot
 from assets.project import PROJECT
-from assets.report import curator_link, table_of
+from assets.report import curator_link, declared, result_of, table_of
 from pipeline.batch import Manifest, Stage
 from pipeline.errors import PipelineError
 from pipeline.feasibility import criteria_table
@@ -18,7 +18,7 @@ from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criter
 from pipeline.feasibility.reference import CONTENT, StoredReferences
 from pipeline.files import settings
 from pipeline.files.sourced import Origin, origins
-from pipeline.readers.tracked import load_reference, named_reference
+from pipeline.readers.listing import load_reference, named_reference
 
 
 def stage_of(
@@ -51,21 +51,10 @@ def stage_of(
 
 
 def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) -> dg.MaterializeResult:
-    """The result Dagster notes: content as data version, what it depended on as a tag, checks; tables come last."""
+    """The result of a stage with its checks and a link to its clips."""
     link = curator_link(f"?stage={plan.name}") if manifest.judged else {}
-    return dg.MaterializeResult(
-        asset_key=plan.key,
-        value=manifest,
-        metadata=dict(
-            sorted({**metadata, **link}.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))
-        ),
-        check_results=evaluate(plan, manifest),
-        data_version=dg.DataVersion(manifest.digest),
-        tags={
-            FINGERPRINT_TAG: plan.fingerprint(PROJECT),
-            FAULTS_TAG: str(manifest.reason_counts("rejected")["failed"]),
-        },
-    )
+    faults = manifest.reason_counts("rejected")["failed"]
+    return result_of(plan, manifest, {**metadata, **link}, evaluate(plan, manifest), faults=faults)
 
 
 def declared_motions(
@@ -75,15 +64,9 @@ def declared_motions(
 
     `feedback` is the section of the approved feedback that the asset applies.
     """
-    return {
-        "key": plan.key,
-        "ins": inputs or {},
-        "deps": [approved_key(feedback, plan.robot)] if feedback else [],
-        "group_name": group_of(plan.name, plan.robot),
-        "kinds": {kind},
-        "tags": {"robot": plan.robot or "", **({"kp": kp} if kp else {})},
-        "code_version": plan.code_version(),
-    }
+    deps = [approved_key(feedback, plan.robot)] if feedback else []
+    tags = {"robot": plan.robot or "", **({"kp": kp} if kp else {})}
+    return declared(plan, kind, ins=inputs or {}, deps=deps, tags=tags)
 
 
 def inputs_of(**plans: Plan) -> dict[str, dg.AssetIn]:

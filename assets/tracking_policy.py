@@ -8,24 +8,17 @@ from typing import Any, Literal
 import dagster as dg
 
 from assets.plan import Plan
-from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import plain_errors
+from assets.report import plain_errors, result_of
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.stage import declared_motions, inputs_of
 from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
-from assets.training_process import (
-    TRIAL_ENVS,
-    TRIAL_ITERATIONS,
-    TrainingFailedError,
-    gpus_here,
-    train,
-)
+from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, TrainingCommand, device_of, train
 from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import robot_facts
 from pipeline.files import digest
-from pipeline.learning.run_command import commit_of, started_module
+from pipeline.learning.run_command import commit_of
 from pipeline.robot import load_robot
 from pipeline.tracking.task import ITERATIONS
 from pipeline.tracking.tracker_folder import read_card
@@ -51,36 +44,17 @@ class TrackerConfig(dg.Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackerRun:
-    """One training run of a tracker."""
+class TrackerRun(TrainingCommand):
+    """A training run of a tracker."""
 
-    folder: Path
-    bundle: Path
-    device: str
-    gpus: int
     num_envs: int
     iterations: int
     minutes: float
-    seed: int
 
     @property
     def command(self) -> list[str]:
-        """The command, without the Python that runs it."""
-        module = started_module("pipeline.tracking", self.gpus)
-        given = {
-            "bundle": self.bundle,
-            "out": self.folder,
-            "device": self.device,
-            "num-envs": self.num_envs,
-            "iterations": self.iterations,
-            "minutes": f"{self.minutes:g}",
-            "seed": self.seed,
-        }
-        return [*module, *(text for name, value in given.items() for text in (f"--{name}", str(value))), "--resume"]
-
-    @property
-    def done(self) -> bool:
-        return (self.folder / "done.json").is_file()
+        sizes = {"num_envs": self.num_envs, "iterations": self.iterations, "minutes": f"{self.minutes:g}"}
+        return [*self.with_options("pipeline.tracking", **sizes), "--resume"]
 
 
 def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
@@ -99,7 +73,6 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
 
         A robot without any has an empty result; its database is then made of references.
         """
-
         robot = plan.robot or DEFAULT_ROBOT
         new = unknown_references(PROJECT, robot, reference_motions)
         if config.train == ALWAYS or (config.train == CHANGED and new):
@@ -108,7 +81,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
         if served is None:
             why = no_tracker(robot)
             context.log.warning(why)
-            return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why}, [])
+            return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why})
         folder, origin = served
         card = read_card(folder)
         unknown = unknown_references(PROJECT, robot, reference_motions)
@@ -136,7 +109,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
                 f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job "
                 f"{job_of('train_tracker', robot)}. Before a policy is trained on a GPU, that happens by itself."
             )
-        return result_of(plan, manifest, metadata, [])
+        return result_of(plan, manifest, metadata)
 
     return tracking_policy
 
@@ -173,12 +146,7 @@ def _train(
 
 def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> TrackerRun:
     """The run that a config asks for here; the same request continues in the same folder."""
-    there = gpus_here()
-    device = config.device if config.device != "auto" else "cuda" if there else "cpu"
-    if device == "cuda" and there < config.gpus:
-        raise TrainingFailedError(
-            f"{config.gpus} GPUs are asked for, {there} are here; ask for fewer, or set the device to 'cpu'."
-        )
+    device = device_of(config.device, config.gpus)
     trial = device == "cpu"
     asked: dict[str, Any] = {
         "device": device,

@@ -10,11 +10,12 @@ import signal
 import subprocess
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 import dagster as dg
 import pandas as pd
@@ -59,38 +60,46 @@ class TrainingConfig(dg.Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """One training run as requested."""
+class TrainingCommand(ABC):
+    """A training run as requested, which a process of its own works on."""
 
     folder: Path
     bundle: Path
-    preset: str
-    options: tuple[str, ...]
-    seed: int
     device: str
     gpus: int
-    trial: bool
-    """Two iterations on the CPU: no policy comes of it."""
+    seed: int
 
     @property
+    @abstractmethod
     def command(self) -> list[str]:
         """The command, without the Python that runs it."""
-        module = started_module("pipeline.training", self.gpus)
-        given = {
-            "bundle": self.bundle,
-            "out": self.folder,
-            "preset": self.preset,
-            "device": self.device,
-            "seed": self.seed,
-        }
-        arguments = [text for name, value in given.items() for text in (f"--{name}", str(value))]
-        arguments += [text for each in self.options for text in ("--set", each)]
-        return [*module, *arguments, *(["--stages", *STAGES] if self.trial else [])]
+
+    def with_options(self, module: str, **more: Any) -> list[str]:
+        """The command of a module with the options of this run and more."""
+        given = {"bundle": self.bundle, "out": self.folder, "device": self.device, "seed": self.seed, **more}
+        options = (text for name, value in given.items() for text in (f"--{name.replace('_', '-')}", str(value)))
+        return [*started_module(module, self.gpus), *options]
 
     @property
     def done(self) -> bool:
         """Whether it ended by itself."""
         return (self.folder / "done.json").is_file()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(TrainingCommand):
+    """A training run of a policy."""
+
+    preset: str
+    options: tuple[str, ...]
+    trial: bool
+    """Two iterations on the CPU: no policy comes of it."""
+
+    @property
+    def command(self) -> list[str]:
+        arguments = self.with_options("pipeline.training", preset=self.preset)
+        arguments += [text for each in self.options for text in ("--set", each)]
+        return [*arguments, *(["--stages", *STAGES] if self.trial else [])]
 
 
 STAGES = ("distillation", "amp")
@@ -102,25 +111,18 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
 
     Raises TrainingFailedError where more GPUs are requested than there are.
     """
-    there = gpus_here()
-    device = config.device if config.device != "auto" else "cuda" if there else "cpu"
-    if device == "cuda" and there < config.gpus:
-        raise TrainingFailedError(
-            f"{config.gpus} GPUs are asked for, {there} are here; ask for fewer, or set the device to 'cpu'."
-        )
+    device = device_of(config.device, config.gpus)
     trial = device == "cpu"
     iterations = config.iterations or (TRIAL_ITERATIONS if trial else 0)
+    distils = (bundle / "tracker.npz").is_file()
     sizes = {
         "simulation.num_envs": config.num_envs or (TRIAL_ENVS if trial else 0),
         "schedule.iterations": iterations,
         "schedule.minutes": config.minutes,
-        "distillation.iterations": iterations if trial else 0,
     }
-    if trial and not (bundle / "tracker.npz").is_file():
-        sizes["distillation.iterations"] = 0
     texts = [f"{name}={value:g}" for name, value in sizes.items() if value]
-    if trial and not sizes["distillation.iterations"]:
-        texts.append("distillation.iterations=0")
+    if trial:
+        texts.append(f"distillation.iterations={iterations if distils else 0}")
     asked: dict[str, Any] = {
         "preset": config.preset,
         "options": (*texts, *options, *config.options),
@@ -134,24 +136,22 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
     return Run(folder=folder, bundle=bundle, **asked)
 
 
+def device_of(wanted: str, gpus: int) -> str:
+    """`cuda` or `cpu`; for `auto` the GPU where there is one. Raises TrainingFailedError for too many GPUs."""
+    there = gpus_here()
+    device = wanted if wanted != "auto" else "cuda" if there else "cpu"
+    if device == "cuda" and there < gpus:
+        raise TrainingFailedError(
+            f"{gpus} GPUs are asked for, {there} are here; ask for fewer, or set the device to 'cpu'."
+        )
+    return device
+
+
 def gpus_here() -> int:
     """How many GPUs PyTorch finds."""
     import torch
 
     return torch.cuda.device_count() if torch.cuda.is_available() else 0
-
-
-class TrainingCommand(Protocol):
-    """A training run that a process of its own works on."""
-
-    @property
-    def folder(self) -> Path: ...
-
-    @property
-    def command(self) -> list[str]: ...
-
-    @property
-    def done(self) -> bool: ...
 
 
 def train(run: TrainingCommand, root: Path, lock: Path, log: Any) -> None:

@@ -6,17 +6,15 @@ from typing import Any, Literal
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import result_of, served_policy
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, table_of
+from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
-from pipeline.deployment import digest, load_policy
+from pipeline.deployment import digest
 from pipeline.files.shown_text import markdown_list
 from pipeline.validation.bars import read_validation
-from pipeline.validation.deployed import deployed
 from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.figures import measure
 from pipeline.validation.suites import cells_of, named
@@ -24,18 +22,14 @@ from pipeline.validation.verdict import judge, table
 from pipeline.validation.walk import Worlds, walk
 
 PASSED = "required_cells_passed"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
 SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
 """Walks that pictures show, by cell."""
 
 
-class ValidationConfig(dg.Config):
-    """What is tried."""
+class ValidationConfig(EvaluatedPolicyConfig):
+    """What is tried, and with which policy."""
 
     suite: Literal["quick", "full"] = "full"
-    policy: str = ""
-    """An npz to validate in place of the exported policy. The release report then calls it another policy's result."""
 
 
 def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
@@ -54,37 +48,23 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         exported_policy: Manifest,
     ):
         """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
-
         robot = plan.robot or DEFAULT_ROBOT
         bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported_policy)
-        one = deployed(PROJECT.adapted_robot(robot), policy)
+        one = evaluated_policy(config, exported_policy, robot)
         measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
-        verdict = judge(measured, bars, suite=config.suite, policy=digest(policy), robot=one.robot.digest)
+        verdict = judge(measured, bars, suite=config.suite, policy=digest(one.policy), robot=one.robot.digest)
         folder = PROJECT.simulated_failures(robot, "mujoco")
         logs = write_failed_trials(one, verdict, folder)
-        for old in set(folder.glob("*.mcap")) - set(logs):
-            old.unlink()  # of an earlier verdict; feedback would go on learning from a cell that passes now
+        remove_earlier_logs(folder, logs)
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
-        record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": _not_run(config.suite)}
+        not_run = [] if config.suite == "full" else ["the full suite: only the quick one was run"]
+        record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": not_run}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: record})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=PASSED,
-            passed=verdict.passed,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={
-                "found": "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed",
-                **_note(verdict),
-            },
-        )
+        reasons = "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"
+        check = check_result(plan, PASSED, verdict.passed, reasons, _note(verdict))
         return result_of(plan, manifest, _metadata(one, verdict, logs), [check])
 
     return mujoco_validation
-
-
-def _not_run(suite: str) -> list[str]:
-    return [] if suite == "full" else ["the full suite: only the quick one was run"]
 
 
 def _note(verdict: Any) -> dict[str, str]:

@@ -5,12 +5,12 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import plain_errors, table_of
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.report import check_result, declared, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
+from pipeline.deployment import digest
 from pipeline.files import settings
 from pipeline.robot.load import read_description
 from pipeline.validation.bars import read_validation
@@ -20,13 +20,6 @@ from pipeline.webots.validate import WEBOTS, project_faults, validate
 
 IS_THE_ROBOT = "project_is_the_robot"
 WALKS = "walks_in_webots"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
-
-
-def webots_folder(project: Project, robot: str) -> Any:
-    """Folder of the project; a person may open it in Webots."""
-    return project.data / "webots" / robot
 
 
 def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
@@ -49,11 +42,12 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         robot = plan.robot or DEFAULT_ROBOT
         rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
         judged = evaluated_policy(config, exported_policy, robot)
-        project = _written(robot, judged.deployed, values)
-        faults = project_faults(project.world, judged.deployed.robot)
+        folder, source = PROJECT.data / "webots" / robot, read_description(PROJECT.adapted_robot(robot))
+        project = write_project(folder, source, judged.task, judged.envelope, judged.policy, values)
+        faults = project_faults(project.world, judged.robot)
         verdicts = validate(project, values, allowed_of(rules.webots))
-        note = rules.reference.note_on(judged.deployed.robot.digest)
-        stored = {**stored_verdict(plan.name, judged.digest, verdicts, WEBOTS), "note": note or None}
+        note = rules.reference.note_on(judged.robot.digest)
+        stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts, WEBOTS), "note": note or None}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: stored})
         statuses = {each.engine: each.status for each in verdicts.values()}
         for engine, status in statuses.items():
@@ -91,29 +85,12 @@ def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: st
     }
 
 
-def _written(robot: str, one: Any, values: Any) -> Any:
-    """The project's folder."""
-
-    source = read_description(PROJECT.adapted_robot(robot))
-    return write_project(webots_folder(PROJECT, robot), source, one.task, one.envelope, one.policy, values)
-
-
 def _checks(plan: Plan, faults: tuple[str, ...], webots: Any) -> list[dg.AssetCheckResult]:
-    found = {"found": "; ".join(webots.reasons) or webots.status}
+    found = "; ".join(webots.reasons) or webots.status
+    compared = "; ".join(faults) or "motors, limits, masses, inertias, poses, sensors, contacts"
     return [
-        dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=IS_THE_ROBOT,
-            passed=not faults,
-            metadata={"found": "; ".join(faults) or "motors, limits, masses, inertias, poses, sensors, contacts"},
-        ),
-        dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=WALKS,
-            passed=webots.status == "passed",
-            severity=dg.AssetCheckSeverity.ERROR if webots.failed_to_run else dg.AssetCheckSeverity.WARN,
-            metadata=found,
-        ),
+        check_result(plan, IS_THE_ROBOT, not faults, compared, warn=False),
+        check_result(plan, WALKS, webots.status == "passed", found, warn=not webots.failed_to_run),
     ]
 
 

@@ -113,7 +113,7 @@ def planted_figures(bundle: Path, policy: Path, command: Sequence[float]) -> dic
     name = ("forward", "lateral", "yaw_rate")[axis]
     digest, failed = hashlib.sha256(policy.read_bytes()).hexdigest(), 0
     for seed in range(PLANTED_WALKS):
-        found = walked(bundle, policy, digest, Walk(cell="", command=(vx, vy, yaw), seed=seed))
+        found = walked(bundle, policy, digest, Walk(command=(vx, vy, yaw), seed=seed))
         failed += bool(found["fell"]) or found[name] / command[axis] < REACHED
     return {f"failures at {vx:g} {vy:g} {yaw:g}": failed / PLANTED_WALKS}
 

@@ -19,18 +19,16 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.report import Bar, machine, report  # noqa: E402
-from pipeline.actuators import (  # noqa: E402
-    ActuatorSettings,
-    StandingResult,
-    adapt,
+from pipeline.actuators.adapted_robot import adapt, torque_envelope  # noqa: E402
+from pipeline.actuators.calibrate import (  # noqa: E402
     calibrate,
-    read_motors,
-    read_standing_pose,
-    stand,
-    torque_envelope,
+    fit_sweep,
+    reasons_against,
 )
-from pipeline.actuators.calibrate import fit_sweep, reasons_against  # noqa: E402
-from pipeline.actuators.measurement import Measurement  # noqa: E402
+from pipeline.actuators.motor_table import read_motors  # noqa: E402
+from pipeline.actuators.read_measurement import Measurement  # noqa: E402
+from pipeline.actuators.settings import ActuatorSettings  # noqa: E402
+from pipeline.actuators.standing import StandingResult, read_standing_pose, stand  # noqa: E402
 from pipeline.actuators.synthesize import Curve, Sweep, sample  # noqa: E402
 from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.files import settings as settings_file  # noqa: E402

@@ -69,13 +69,12 @@ class Gmr:
 def joints_of(human: HumanClip, file: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """GMR's body names (b,), positions (t, b, 3) [m] and orientations wxyz (t, b, 4) of the file's joints."""
     motion = read_bvh(file)
-    matched = match_skeleton(motion)
-    skeleton, turned = matched.skeleton, matched.motion
+    skeleton, turned = match_skeleton(motion)
     sources = {**{name: (one, one) for name, one in BODIES.items()}, **FEET}
     pos_w = np.stack([human.body_pos_w[:, body(place)] for place, _ in sources.values()], axis=1)
     quats = []
     for _, orientation in sources.values():
-        rest = skeleton.rest_frame(turned, orientation)
+        (rest,) = skeleton.rest_frames(turned, (orientation,))
         quats.append(rotation.multiply(human.body_quat_w[:, body(orientation)], rotation.conjugate(rest)))
     return list(sources), pos_w, np.stack(quats, axis=1)
 

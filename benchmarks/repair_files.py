@@ -25,7 +25,7 @@ from pipeline.quality.planar_motion import planar_motion
 from pipeline.readers import ReadMotion
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.human_motion import METRES, to_human
-from pipeline.readers.poses import RowPoses
+from pipeline.readers.raw_motion import RowPoses
 from pipeline.readers.source import Statement
 from pipeline.repair import RepairSettings, process
 

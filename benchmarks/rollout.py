@@ -16,7 +16,7 @@ from statistics import median
 
 from assets.plan import robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
-from pipeline.actuators import read_actuators, torque_envelope
+from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch.pool import ClipPool
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings

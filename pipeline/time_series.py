@@ -108,6 +108,23 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def without_short_runs(label: np.ndarray, shortest: int) -> np.ndarray:
+    """Labels (t,) with inner gaps shorter than `shortest` frames closed, then inner runs shorter than that dropped."""
+    result = label.copy()
+    for wanted in (False, True):
+        for start, stop in runs(result == wanted):
+            if stop - start < shortest and start > 0 and stop < len(label):
+                result[start:stop] = not wanted
+    return result
+
+
+def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+    """The value (n,) at which half of the total weight is reached, in ascending order."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2.0)])
+
+
 def resample_cubic(values: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
     """Values (t, ...) at `times_s` by a not-a-knot cubic spline; linear below four frames.
 

@@ -2,6 +2,16 @@
 
 A limit changes only if a measurement contradicts it: a nominal value inside the measured 95 % interval is confirmed and
 kept. So bench noise does not change the robot and the verdicts that depend on its limits.
+
+Simulators have two forms of motor limits, and mean different things by "velocity limit". The box (the paper; Isaac
+Lab's `effort_limit_sim`, `velocity_limit_sim`) holds torque and speed below the knee. The DC motor (Isaac Lab's
+`DCMotor`, mjlab's `DcMotorActuator`) is a line from the saturation torque at rest to no torque at the no-load speed,
+cut at the effort limit:
+
+    torque <= min(effort limit, saturation (1 - speed / no-load speed))
+
+It meets the effort limit at the knee speed when saturation = knee torque / (1 - knee speed / no-load speed). Giving it
+the box's velocity limit as its own would leave no torque at the knee.
 """
 
 from __future__ import annotations
@@ -12,12 +22,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pipeline.actuators.calibrate import Calibration
-from pipeline.actuators.forms import BoxLimits, DcMotorLine, dc_motor_line
 from pipeline.actuators.knee_fit import Interval
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.errors import FileError, UnknownNameError
@@ -37,8 +45,45 @@ UNBOUNDED = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
+class BoxLimits:
+    """The box form: limits below the knee."""
+
+    box_effort_limit: float
+    """Knee torque [N m]."""
+    box_velocity_limit: float
+    """Knee speed [rad/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DcMotorLine:
+    """The DC-motor form."""
+
+    dc_motor_effort_limit: float
+    """Knee torque [N m]: `effort_limit` of mjlab and Isaac Lab."""
+    dc_motor_saturation_effort: float
+    """Torque of the line at rest [N m]: `saturation_effort`. The motor never reaches it."""
+    dc_motor_no_load_speed: float
+    """Speed without torque [rad/s]: `velocity_limit` of both."""
+
+
+def dc_motor_line(box: BoxLimits, no_load_speed: float) -> DcMotorLine:
+    """The line through a knee. Raises ValueError if the no-load speed is not above the knee speed."""
+    if not no_load_speed > box.box_velocity_limit:
+        raise ValueError(f"no-load speed {no_load_speed:g} rad/s is not above the knee's {box.box_velocity_limit:g}.")
+    saturation = box.box_effort_limit / (1.0 - box.box_velocity_limit / no_load_speed)
+    return DcMotorLine(
+        dc_motor_effort_limit=box.box_effort_limit,
+        dc_motor_saturation_effort=saturation,
+        dc_motor_no_load_speed=no_load_speed,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class JointActuator:
-    """A joint's motor in the adapted robot. The fields are the columns of `actuators.csv`; NaN is an empty cell."""
+    """A joint's motor in the adapted robot. The fields are the columns of `actuators.csv`; NaN is an empty cell.
+
+    Torques in N m, speeds in rad/s, armature in kg m^2, kp in N m/rad, kd in N m s/rad.
+    """
 
     joint: str
     motor: str
@@ -46,35 +91,24 @@ class JointActuator:
     verdict: str
     """Which limits were confirmed or changed, or why the measurement was not used."""
     box_effort_limit: float
-    """[N m]"""
     box_velocity_limit: float
-    """[rad/s]"""
     dc_motor_effort_limit: float
-    """[N m]"""
     dc_motor_saturation_effort: float
-    """[N m]"""
     dc_motor_no_load_speed: float
-    """[rad/s]"""
     armature: float
-    """[kg m^2]"""
     kp: float
-    """[N m/rad]"""
     kd: float
-    """[N m s/rad]"""
     measured_torque: float
-    """Knee [N m], with its 95 % interval."""
+    """At the knee, with its 95 % interval."""
     measured_torque_low: float
     measured_torque_high: float
     measured_speed: float
-    """Knee [rad/s], with its 95 % interval."""
+    """At the knee, with its 95 % interval."""
     measured_speed_low: float
     measured_speed_high: float
     nominal_torque: float
-    """[N m]"""
     nominal_speed: float
-    """[rad/s]"""
     nominal_armature: float
-    """[kg m^2]"""
 
     @property
     def synthetic(self) -> bool:
@@ -84,11 +118,8 @@ class JointActuator:
     @property
     def changed(self) -> bool:
         """Whether any number differs from the nominal model's."""
-        return (self.box_effort_limit, self.box_velocity_limit, self.armature) != (
-            self.nominal_torque,
-            self.nominal_speed,
-            self.nominal_armature,
-        )
+        nominal = (self.nominal_torque, self.nominal_speed, self.nominal_armature)
+        return (self.box_effort_limit, self.box_velocity_limit, self.armature) != nominal
 
 
 def adapt(nominal: Robot, calibrations: Sequence[Calibration], settings: ActuatorSettings) -> tuple[JointActuator, ...]:
@@ -106,17 +137,16 @@ def _actuator(nominal: Robot, joint: str, found: Calibration | None, settings: A
         box_effort_limit=float(nominal.torque_limit[index]), box_velocity_limit=float(nominal.motor_speed_limit[index])
     )
     box, no_load, verdict = _limits(model, found, settings)
-    line = _line(box, no_load)
-    knee = found.knee if found else None
     armature = float(nominal.armature[index])
-    nothing = Interval(value=math.nan, low=math.nan, high=math.nan)
-    torque, speed = (knee.torque, knee.speed) if knee else (nothing, nothing)
+    torque = speed = Interval(value=math.nan, low=math.nan, high=math.nan)
+    if found and found.knee:
+        torque, speed = found.knee.torque, found.knee.speed
     return JointActuator(
         joint=joint,
         motor=found.motor if found else "",
         verdict=verdict,
         **vars(box),
-        **vars(line),
+        **vars(_line(box, no_load)),
         armature=armature if found is None or found.armature is None else found.armature,
         kp=float(nominal.kp[index]),
         kd=float(nominal.kd[index]),
@@ -155,19 +185,14 @@ def motors_source(actuators: Sequence[JointActuator]) -> str:
     """Where the motor limits of a robot come from, for reports and cards: joints by kind of source."""
     synthetic = sum(each.synthetic for each in actuators)
     fitted = sum(not math.isnan(each.dc_motor_no_load_speed) for each in actuators)
-    counts = {
-        "measured": fitted - synthetic,
-        "synthetic sweep, never measured": synthetic,
-        "nominal": len(actuators) - fitted,
-    }
+    counts = {"measured": fitted - synthetic, "synthetic sweep, never measured": synthetic}
+    counts["nominal"] = len(actuators) - fitted
     return ", ".join(f"{count} of {len(actuators)} joints {kind}" for kind, count in counts.items() if count)
 
 
 def _line(box: BoxLimits, no_load: float) -> DcMotorLine:
     if math.isnan(no_load):
-        return DcMotorLine(
-            dc_motor_effort_limit=math.nan, dc_motor_saturation_effort=math.nan, dc_motor_no_load_speed=math.nan
-        )
+        return DcMotorLine(**dict.fromkeys(DcMotorLine.__dataclass_fields__, math.nan))
     return dc_motor_line(box, no_load)
 
 
@@ -192,8 +217,7 @@ def actuators_text(actuators: Sequence[JointActuator]) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([field.name for field in fields(JointActuator)])
-    for each in actuators:
-        writer.writerow(["" if value != value else value for value in vars(each).values()])
+    writer.writerows(["" if value != value else value for value in vars(each).values()] for each in actuators)
     return stream.getvalue()
 
 
@@ -202,19 +226,19 @@ def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
     path = folder / TABLE
     if not path.is_file():
         raise FileError(path, "it is missing.", "Run: dagster asset materialize --select adapted_robot")
-    texts = {field.name for field in fields(JointActuator) if field.type == "str"}
+    types = {field.name: field.type for field in fields(JointActuator)}
     header, *rows = list(csv_records(read_csv_text(path).splitlines(), path)) or [[]]
-    if not rows or set(header) != {field.name for field in fields(JointActuator)}:
+    if not rows or set(header) != set(types):
         raise FileError(path, "its columns are not those of a table of actuators.", "Materialize adapted_robot again.")
 
     def value(name: str, cell: str) -> str | float:
-        return cell if name in texts else plain_number(cell) if cell else math.nan
+        if types[name] == "str":
+            return cell
+        return plain_number(cell) if cell else math.nan
 
     try:
-        typed: list[dict[str, Any]] = [
-            {name: value(name, cell) for name, cell in zip(header, row, strict=True)} for row in rows
-        ]
-        return tuple(JointActuator(**row) for row in typed)
+        typed = [{name: value(name, cell) for name, cell in zip(header, row, strict=True)} for row in rows]
+        return tuple(JointActuator(**row) for row in typed)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError) as error:
         raise FileError(path, f"it is no table of actuators ({error}).", "Materialize adapted_robot again.") from error
 

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.actuators.knee_fit import Interval, KneeFit, fit_knee
-from pipeline.actuators.measurement import Measurement
 from pipeline.actuators.motor_table import Motor
-from pipeline.actuators.read_measurement import read_measurement
+from pipeline.actuators.read_measurement import Measurement, read_measurement
 from pipeline.actuators.settings import ActuatorSettings, KneeSettings
 from pipeline.errors import FileError
 
@@ -20,11 +19,8 @@ NO_FALL = "no knee: the sweep ends before the fall"
 
 def reasons_against(measurement: Measurement, fit: KneeFit, settings: KneeSettings) -> tuple[str, ...]:
     """Reasons to refuse the knee of a sweep; empty if it is accepted."""
-    return (
-        *_no_fall(measurement, fit, settings),
-        *_uncertain(fit, settings),
-        *_directions(measurement, settings),
-    )
+    no_fall = _no_fall(measurement, fit, settings)
+    return (*no_fall, *_uncertain(fit, settings), *_directions(measurement, settings))
 
 
 def _no_fall(measurement: Measurement, fit: KneeFit, settings: KneeSettings) -> list[str]:
@@ -36,42 +32,33 @@ def _no_fall(measurement: Measurement, fit: KneeFit, settings: KneeSettings) -> 
     if beyond < settings.fall_points:
         against.append(f"{NO_FALL}; {beyond} points are beyond {knee:.2f} rad/s, wanted {settings.fall_points}")
     if rest < settings.fall_range:
-        against.append(
-            f"{NO_FALL}; {100 * rest:.0f} % of the speeds are beyond {knee:.2f} rad/s, wanted "
-            f"{100 * settings.fall_range:.0f} %"
-        )
+        wanted = f"wanted {100 * settings.fall_range:.0f} %"
+        against.append(f"{NO_FALL}; {100 * rest:.0f} % of the speeds are beyond {knee:.2f} rad/s, {wanted}")
     if last > settings.last_torque:
-        against.append(
-            f"{NO_FALL}; at its end are {100 * last:.0f} % of the knee torque, wanted less than "
-            f"{100 * settings.last_torque:.0f} %"
-        )
+        wanted = f"wanted less than {100 * settings.last_torque:.0f} %"
+        against.append(f"{NO_FALL}; at its end are {100 * last:.0f} % of the knee torque, {wanted}")
     if fit.fall_slope >= 0.0 or -fit.fall_slope < settings.slope_ratio * abs(fit.plateau_slope):
-        against.append(
-            f"no knee: the torque changes by {fit.fall_slope:.3g} N m s/rad beyond {knee:.2f} rad/s and by "
-            f"{fit.plateau_slope:.3g} before; a fall {settings.slope_ratio:g} times as steep is wanted"
-        )
+        slopes = f"{fit.fall_slope:.3g} N m s/rad beyond {knee:.2f} rad/s and by {fit.plateau_slope:.3g} before"
+        wanted = f"a fall {settings.slope_ratio:g} times as steep is wanted"
+        against.append(f"no knee: the torque changes by {slopes}; {wanted}")
     return against
 
 
 def _uncertain(fit: KneeFit, settings: KneeSettings) -> list[str]:
     knee, against = fit.knee_speed, []
     if knee.width > settings.interval:
-        against.append(
-            f"the knee may lie at {knee.low:.2f} to {knee.high:.2f} rad/s, {100 * knee.width:.0f} % of it; at most "
-            f"{100 * settings.interval:.0f} % are allowed"
-        )
+        place = f"{knee.low:.2f} to {knee.high:.2f} rad/s, {100 * knee.width:.0f} % of it"
+        against.append(f"the knee may lie at {place}; at most {100 * settings.interval:.0f} % are allowed")
     if fit.knee_torque.value <= 0.0:
         against.append(f"the torque at the knee would be {fit.knee_torque.value:.2f} N m")
     elif fit.no_load_speed <= settings.no_load_ratio * knee.value:
-        against.append(
-            f"the torque ends at {fit.no_load_speed:.2f} rad/s, less than {settings.no_load_ratio:g} times the knee's "
-            f"{knee.value:.2f}: the DC-motor form has no finite saturation torque"
-        )
+        end = f"less than {settings.no_load_ratio:g} times the knee's {knee.value:.2f}"
+        problem = "the DC-motor form has no finite saturation torque"
+        against.append(f"the torque ends at {fit.no_load_speed:.2f} rad/s, {end}: {problem}")
     share = float(fit.outlier.mean())
     if share > settings.max_outliers:
-        against.append(
-            f"{100 * share:.0f} % of the points are outliers; at most {100 * settings.max_outliers:.0f} % are allowed"
-        )
+        allowed = f"at most {100 * settings.max_outliers:.0f} % are allowed"
+        against.append(f"{100 * share:.0f} % of the points are outliers; {allowed}")
     return against
 
 
@@ -87,10 +74,9 @@ def _directions(measurement: Measurement, settings: KneeSettings) -> list[str]:
     for what, unit in (("knee_speed", "rad/s"), ("knee_torque", "N m")):
         one, other = (getattr(fit, what).value for fit in fits)
         if abs(one - other) > settings.directions * 0.5 * abs(one + other):
-            against.append(
-                f"the {what.replace('_', ' ')} is {one:.2f} {unit} in the positive and {other:.2f} {unit} in the "
-                f"negative direction; {100 * settings.directions:.0f} % are allowed"
-            )
+            values = f"{one:.2f} {unit} in the positive and {other:.2f} {unit} in the negative direction"
+            allowed = f"{100 * settings.directions:.0f} % are allowed"
+            against.append(f"the {what.replace('_', ' ')} is {values}; {allowed}")
     return against
 
 
@@ -107,14 +93,11 @@ SYNTHETIC = "synthetic: never measured"
 
 @dataclass(frozen=True, kw_only=True)
 class Knee:
-    """Result of a sweep, with 95 % intervals."""
+    """Result of a sweep, with 95 % intervals. Speeds in rad/s, torques in N m."""
 
     speed: Interval
-    """[rad/s]"""
     torque: Interval
-    """[N m]"""
     no_load_speed: float
-    """[rad/s]"""
     stall_torque: float
     """Torque of the plateau at rest [N m]."""
     noise: float
@@ -175,26 +158,30 @@ def calibrate(text: str | None, file: str, motor: Motor, settings: ActuatorSetti
 
     An unreadable file is a refusal with a reason, not an error: the motor keeps the model's limits.
     """
+    found = Calibration(motor=motor.name, joints=motor.joints, armature=motor.armature, knee=None, reasons=(), notes=())
     if text is None:
-        return _refused(motor, f"{file}: there is no such measurement file")
+        return dataclasses.replace(found, reasons=(f"{file}: there is no such measurement file",))
     try:
         measurement = read_measurement(text, file, motor, settings.reading)
     except FileError as error:
-        return _refused(motor, str(error))
+        return dataclasses.replace(found, reasons=(str(error),))
     count, different = len(measurement.speed), len(np.unique(measurement.speed))
     if min(count, different) < settings.knee.min_points:
         reason = f"{count} points at {different} speeds; {settings.knee.min_points} are wanted"
-        return _with_points(_refused(motor, reason), measurement, np.zeros(count, dtype=bool))
-    measurement, fit = fit_sweep(measurement, settings.knee)
-    calibration = Calibration(
-        motor=motor.name,
-        joints=motor.joints,
-        armature=motor.armature,
-        knee=_knee(fit),
-        reasons=reasons_against(measurement, fit, settings.knee),
-        notes=(),
+        knee, reasons, outlier = None, (reason,), np.zeros(count, dtype=bool)
+    else:
+        measurement, fit = fit_sweep(measurement, settings.knee)
+        knee, reasons, outlier = _knee(fit), reasons_against(measurement, fit, settings.knee), fit.outlier
+    return dataclasses.replace(
+        found,
+        knee=knee,
+        reasons=reasons,
+        notes=(*([SYNTHETIC] if measurement.synthetic else []), *measurement.notes),
+        speed=tuple(measurement.speed.tolist()),
+        torque=tuple(measurement.torque.tolist()),
+        forward=tuple(measurement.forward.tolist()),
+        outlier=tuple(outlier.tolist()),
     )
-    return _with_points(calibration, measurement, fit.outlier)
 
 
 def fit_sweep(measurement: Measurement, settings: KneeSettings) -> tuple[Measurement, KneeFit]:
@@ -228,22 +215,4 @@ def _knee(fit: KneeFit) -> Knee | None:
         stall_torque=fit.stall_torque,
         noise=fit.noise / fit.knee_torque.value,
         outliers=int(fit.outlier.sum()),
-    )
-
-
-def _refused(motor: Motor, reason: str) -> Calibration:
-    return Calibration(
-        motor=motor.name, joints=motor.joints, armature=motor.armature, knee=None, reasons=(reason,), notes=()
-    )
-
-
-def _with_points(calibration: Calibration, measurement: Measurement, outlier: np.ndarray) -> Calibration:
-    synthetic = (SYNTHETIC,) if measurement.synthetic else ()
-    return dataclasses.replace(
-        calibration,
-        notes=(*synthetic, *measurement.notes),
-        speed=tuple(measurement.speed.tolist()),
-        torque=tuple(measurement.torque.tolist()),
-        forward=tuple(measurement.forward.tolist()),
-        outlier=tuple(outlier.tolist()),
     )

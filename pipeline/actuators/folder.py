@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.actuators.calibrate import Calibration, calibrate
 from pipeline.actuators.motor_table import Motor, read_motors
 from pipeline.actuators.settings import ActuatorSettings
@@ -22,14 +24,12 @@ COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [r
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedCurve:
-    """Constant torque up to a knee speed, then linear to 0; constant if the knee is above the no-load speed."""
+    """Constant torque [N m] up to a knee speed [rad/s], then linear to 0; constant if the knee is above the no-load
+    speed [rad/s]."""
 
     peak_torque: float
-    """[N m]"""
     knee_speed: float
-    """[rad/s]"""
     no_load_speed: float
-    """[rad/s]"""
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
@@ -39,11 +39,8 @@ class PublishedCurve:
 
     def torque(self, speed: float) -> float:
         """Torque [N m] at a speed [rad/s]."""
-        if speed <= min(self.knee_speed, self.no_load_speed):
-            return self.peak_torque
-        if speed >= self.no_load_speed:
-            return 0.0
-        return self.peak_torque * (self.no_load_speed - speed) / (self.no_load_speed - self.knee_speed)
+        speeds, torques = zip(*self.corners, strict=True)
+        return float(np.interp(speed, speeds, torques))
 
 
 def read_published(folder: Path) -> dict[str, PublishedCurve]:

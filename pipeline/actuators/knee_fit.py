@@ -49,19 +49,18 @@ class Interval:
         """Over the value."""
         return (self.high - self.low) / abs(self.value)
 
+    def times(self, factor: float) -> Interval:
+        return Interval(value=self.value * factor, low=self.low * factor, high=self.high * factor)
+
 
 @dataclass(frozen=True, kw_only=True)
 class KneeFit:
-    """Two lines through n points."""
+    """Two lines through n points. Speed in rad/s, torque in N m, slopes in N m s/rad."""
 
     knee_speed: Interval
-    """[rad/s]"""
     knee_torque: Interval
-    """[N m]"""
     plateau_slope: float
-    """[N m s/rad]"""
     fall_slope: float
-    """[N m s/rad]"""
     noise: float
     """Standard deviation of the points about the lines, outliers left out [N m]."""
     outlier: Bool[np.ndarray, " n"]
@@ -86,17 +85,38 @@ class KneeFit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Profile:
-    """Best lines for each of g knees."""
+class _Lines:
+    """Least squares for each of g knees. Variances are for noise of variance 1."""
 
-    knees: Float[np.ndarray, " g"]
-    coefficients: Float[np.ndarray, "g 3"]
-    """Knee torque, slope of plateau (at most 0), slope of fall."""
+    torque: Float[np.ndarray, " g"]
+    """At the knee."""
+    slope: Float[np.ndarray, " g"]
+    """Of the plateau."""
+    fall: Float[np.ndarray, " g"]
+    """Slope of the fall."""
     square_sum: Float[np.ndarray, " g"]
-    sagging: _Lines
-    """Any slope of the plateau."""
-    level: _Lines
-    """No slope of the plateau."""
+    variance: Float[np.ndarray, " g"]
+    """Of the knee torque."""
+    covariance: Float[np.ndarray, " g"]
+    """Of knee torque and slope of the plateau."""
+
+
+class _Profile:
+    """Best lines through points for each of g knees: sagging ones, or level ones where the plateau would rise."""
+
+    def __init__(self, x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], knees: Float[np.ndarray, " g"]):
+        self.knees = knees
+        self.sagging, self.level = _lines(x, y, knees, level=False), _lines(x, y, knees, level=True)
+        self._rises = self.sagging.slope > 0.0
+        self.square_sum = self._best("square_sum")
+
+    def _best(self, name: str) -> Float[np.ndarray, " g"]:
+        return np.where(self._rises, getattr(self.level, name), getattr(self.sagging, name))
+
+    @property
+    def coefficients(self) -> Float[np.ndarray, "g 3"]:
+        """Knee torque, slope of plateau (at most 0), slope of fall."""
+        return np.stack([self._best(name) for name in ("torque", "slope", "fall")], axis=1)
 
     def torque_range(self, bound: float) -> tuple[float, float]:
         """Lowest and highest knee torque of all lines with a sum of squares of at most `bound`.
@@ -112,25 +132,7 @@ class _Profile:
         top = np.minimum(sagging.torque + reach, sagging.torque - sagging.slope * sagging.variance / sagging.covariance)
         bottom = sagging.torque - reach
         inside = (sagging.square_sum <= bound) & (bottom <= top)
-        return (
-            float(np.concatenate([low, bottom[inside]]).min()),
-            float(np.concatenate([high, top[inside]]).max()),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Lines:
-    """Least squares for each of g knees."""
-
-    torque: Float[np.ndarray, " g"]
-    slope: Float[np.ndarray, " g"]
-    """Of the plateau."""
-    fall: Float[np.ndarray, " g"]
-    square_sum: Float[np.ndarray, " g"]
-    variance: Float[np.ndarray, " g"]
-    """Of the knee torque, for noise of variance 1."""
-    covariance: Float[np.ndarray, " g"]
-    """Of knee torque and slope of the plateau, for noise of variance 1."""
+        return float(np.append(low, bottom[inside]).min()), float(np.append(high, top[inside]).max())
 
 
 def fit_knee(speed: Float[np.ndarray, " n"], torque: Float[np.ndarray, " n"], outlier_sigma: float) -> KneeFit:
@@ -154,17 +156,13 @@ def fit_knee(speed: Float[np.ndarray, " n"], torque: Float[np.ndarray, " n"], ou
     knee, knee_torque = _intervals(x[kept], y[kept], best, variance, freedom)
     _, plateau, fall = best.coefficients[0]
     return KneeFit(
-        knee_speed=_scaled(knee, x_scale),
-        knee_torque=_scaled(knee_torque, y_scale),
+        knee_speed=knee.times(x_scale),
+        knee_torque=knee_torque.times(y_scale),
         plateau_slope=float(plateau) * y_scale / x_scale,
         fall_slope=float(fall) * y_scale / x_scale,
         noise=float(np.sqrt(variance)) * y_scale,
         outlier=outlier,
     )
-
-
-def _scaled(interval: Interval, scale: float) -> Interval:
-    return Interval(value=interval.value * scale, low=interval.low * scale, high=interval.high * scale)
 
 
 def _outliers(x: np.ndarray, y: np.ndarray, sigma: float) -> Bool[np.ndarray, " n"]:
@@ -232,19 +230,6 @@ def _solve(design: np.ndarray, y: np.ndarray, weights: np.ndarray) -> tuple[np.n
     return np.einsum("gij,gj->gi", inverse, np.einsum("gni,n->gi", weighted, y)), inverse
 
 
-def _profile(x: np.ndarray, y: np.ndarray, knees: np.ndarray) -> _Profile:
-    sagging, level = _lines(x, y, knees, level=False), _lines(x, y, knees, level=True)
-    rises = sagging.slope > 0.0
-    chosen = [np.where(rises, getattr(level, name), getattr(sagging, name)) for name in ("torque", "slope", "fall")]
-    return _Profile(
-        knees=knees,
-        coefficients=np.stack(chosen, axis=1),
-        square_sum=np.where(rises, level.square_sum, sagging.square_sum),
-        sagging=sagging,
-        level=level,
-    )
-
-
 def _lines(x: np.ndarray, y: np.ndarray, knees: np.ndarray, level: bool) -> _Lines:
     design = _design(x, knees)
     design = design[..., [0, 2]] if level else design
@@ -265,11 +250,11 @@ def _best(x: np.ndarray, y: np.ndarray, refinements: int = REFINEMENTS) -> _Prof
     limits = _knees(x, 2)
     knees = _knees(x, GRID)
     for _ in range(refinements + 1):
-        square_sum = _profile(x, y, knees).square_sum
+        square_sum = _Profile(x, y, knees).square_sum
         at = int(np.argmin(square_sum))
         middle = knees[at]
         knees = _around(knees, at, limits, 49)
-    return _profile(x, y, np.array([middle]))
+    return _Profile(x, y, np.array([middle]))
 
 
 def _intervals(
@@ -282,7 +267,7 @@ def _intervals(
     limits = _knees(x, 2)
     spread = _knees(x, GRID)
     for _ in range(6):  # refine the grid to the accepted range plus one step until it fills it
-        inside = np.flatnonzero(_profile(x, y, spread).square_sum <= bound)
+        inside = np.flatnonzero(_Profile(x, y, spread).square_sum <= bound)
         step = spread[1] - spread[0]
         first, last = (spread[inside[0]], spread[inside[-1]]) if len(inside) else (knee, knee)
         low, high = max(min(first, knee) - step, limits[0]), min(max(last, knee) + step, limits[1])
@@ -290,7 +275,7 @@ def _intervals(
         spread = np.linspace(low, high, GRID)
         if filled:
             break
-    found = _profile(x, y, np.append(spread, knee))
+    found = _Profile(x, y, np.append(spread, knee))
     inside = found.square_sum <= bound
     step = spread[1] - spread[0]
     lowest, highest = found.torque_range(bound)

@@ -53,9 +53,7 @@ class JointLog:
 
 
 def log_envelope(
-    actuators: Sequence[JointActuator],
-    joint_vel: Float[np.ndarray, "n j"],
-    joint_torque: Float[np.ndarray, "n j"],
+    actuators: Sequence[JointActuator], joint_vel: Float[np.ndarray, "n j"], joint_torque: Float[np.ndarray, "n j"]
 ) -> tuple[JointLog, ...]:
     """The range of each joint in a log, in the actuators' order.
 

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from pipeline.actuators.measurement import Measurement
 from pipeline.actuators.motor_table import Motor
 from pipeline.actuators.settings import ReadingSettings
 from pipeline.errors import AmbiguousFileError, FileError
@@ -47,16 +47,35 @@ _HEADER = re.compile(r"\s*([A-Za-z_ ]+?)\s*(?:[\[(]\s*(.+?)\s*[\])])?\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
-    """Index of a column and factor to SI."""
+class Measurement:
+    """N points of one motor's driving torque over speed, at the joint, sorted by speed."""
 
-    index: int
-    factor: float
+    motor: str
+    speed: Float[np.ndarray, " n"]
+    """[rad/s], 0 or more, at the joint."""
+    torque: Float[np.ndarray, " n"]
+    """Largest torque in the direction of motion [N m], at the joint."""
+    forward: Bool[np.ndarray, " n"]
+    """Whether the joint turned in its positive direction."""
+    about: dict[str, str]
+    """Statements of the file's comment lines, by name."""
+    notes: tuple[str, ...]
+    """Changes made to the file's numbers."""
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the file states that it was never measured."""
+        return "synthetic" in self.about
+
+    def direction(self, forward: bool) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+        """Speeds and torques of one direction."""
+        chosen = self.forward == forward
+        return self.speed[chosen], self.torque[chosen]
 
 
-def read_header(cells: list[str], file: str, line: int) -> dict[str, Column]:
-    """Columns by name. Raises FileError for a missing column, a missing or an unknown unit."""
-    columns: dict[str, Column] = {}
+def read_header(cells: list[str], file: str, line: int) -> dict[str, tuple[int, float]]:
+    """Index and factor to SI of each column, by name. Raises FileError for a missing column or a wrong unit."""
+    columns: dict[str, tuple[int, float]] = {}
     for index, cell in enumerate(cells):
         match = _HEADER.fullmatch(cell)
         name = match.group(1).lower() if match else cell
@@ -65,7 +84,7 @@ def read_header(cells: list[str], file: str, line: int) -> dict[str, Column]:
             raise FileError(file, f"unknown column '{cell}'.", do, line)
         if name in columns:
             raise FileError(file, f"the column '{name}' stands there twice.", "Remove one.", line)
-        columns[name] = Column(index=index, factor=_factor(name, match.group(2) if match else None, file, line))
+        columns[name] = (index, _factor(name, match.group(2) if match else None, file, line))
     missing = [name for name in UNITS if name not in columns]
     if missing:
         raise FileError(file, f"the columns {', '.join(missing)} are missing.", "See docs/actuators.md.", line)
@@ -101,16 +120,11 @@ class _Rows:
 
 
 def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettings) -> Measurement:
-    """The sweep of `motor` in the text of a file. Raises FileError (AmbiguousFileError) with the reason.
-
-    Args:
-        file: what messages call the file
-    """
+    """The sweep of `motor` in the text of a file, which messages call `file`. Raises FileError (AmbiguousFileError)."""
     about, table = _split(text)
     rows = _read_table(table, file, motor.name, about.get("decimal"))
     speed_factor, torque_factor = _to_joint(about, file, motor)
-    _refuse_swapped(rows, file, settings)
-    _refuse_spread(rows, file, settings)
+    _check(rows, file, settings)
     speed, torque, notes = _driving(rows, file, settings)
     kept = np.isfinite(speed)
     speed, torque, forward = speed[kept] * speed_factor, torque[kept] * torque_factor, rows.forward[kept]
@@ -148,24 +162,21 @@ def _read_table(table: list[tuple[int, str]], file: str, motor: str, decimal: st
             problem = f"the row has {len(cells)} values, the header {len(columns)}."
             do = "Decimal commas need another separator: use semicolons." if separator == "," else "Write one a column."
             raise FileError(file, problem, do, line)
-        if cells[columns["motor"].index] != motor:
-            problem = f"the row is of motor '{cells[columns['motor'].index]}'."
+        if cells[columns["motor"][0]] != motor:
+            problem = f"the row is of motor '{cells[columns['motor'][0]]}'."
             raise FileError(file, problem, f"A file holds the sweeps of the motor it is named by: '{motor}'.", line)
     numeric = ("speed", "torque", "voltage", "temperature")
-    texts = [cells[columns[name].index] for _, cells in records for name in numeric]
-    sign = decimal_sign(texts, decimal, file)
-    values = {name: _values(records, name, columns[name], sign, file) for name in numeric}
-    forward = [_direction(cells[columns["direction"].index], file, line) for line, cells in records]
+    sign = decimal_sign([cells[columns[name][0]] for _, cells in records for name in numeric], decimal, file)
+    values = {}
+    for name in numeric:
+        index, factor = columns[name]
+        values[name] = factor * np.array([number(cells[index], sign, name, file, line) for line, cells in records])
+    forward = [_direction(cells[columns["direction"][0]], file, line) for line, cells in records]
     return _Rows(forward=np.array(forward), **values)
 
 
 def _cells(content: str, separator: str, file: str, line: int) -> list[str]:
     return [cell.strip() for cell in next(csv_records([content], file, separator, line))]
-
-
-def _values(records: list[tuple[int, list[str]]], name: str, column: Column, sign: str, file: str) -> np.ndarray:
-    read = [number(cells[column.index], sign, name, file, line) for line, cells in records]
-    return column.factor * np.array(read)
 
 
 def _direction(text: str, file: str, line: int) -> bool:
@@ -193,7 +204,12 @@ def _to_joint(about: dict[str, str], file: str, motor: Motor) -> tuple[float, fl
     return 1.0 / motor.gear_ratio, motor.gear_ratio * efficiency
 
 
-def _refuse_spread(rows: _Rows, file: str, settings: ReadingSettings) -> None:
+def _check(rows: _Rows, file: str, settings: ReadingSettings) -> None:
+    """Refuse swapped columns (torques cluster on the plateau, speeds do not), and points of several curves."""
+    near = [float(np.mean(np.abs(each) > NEAR_LARGEST * np.abs(each).max())) for each in (rows.speed, rows.torque)]
+    if near[0] > settings.clustered and near[0] > near[1]:
+        problem = f"{100 * near[0]:.0f} % of the speeds are near the largest and {100 * near[1]:.0f} % of the torques."
+        raise AmbiguousFileError(file, problem, "Speed and torque seem to be swapped: correct the header.")
     voltage, temperature = rows.voltage, rows.temperature
     if np.ptp(voltage) > settings.voltage_spread * abs(float(voltage.mean())):
         problem = f"the supply voltage goes from {voltage.min():g} to {voltage.max():g} V: these are several curves."
@@ -212,24 +228,18 @@ def _driving(rows: _Rows, file: str, settings: ReadingSettings) -> tuple[np.ndar
         if {1.0, -1.0} <= set(signed.tolist()):
             name = "positive" if forward else "negative"
             raise FileError(file, f"rows of the {name} direction have speeds of both signs.", "Correct the direction.")
-    turning = np.where(speed != 0.0, np.sign(speed), _usual_sign(speed, rows.forward))
+    # points at rest turn as the others of their direction do
+    usual = {way: float(np.sign(speed[rows.forward == way].sum())) or 1.0 for way in (True, False)}
+    turning = np.where(speed != 0.0, np.sign(speed), np.where(rows.forward, usual[True], usual[False]))
     if np.any((turning < 0.0) & rows.forward):
         raise FileError(file, "rows of the positive direction have negative speeds.", "Correct the direction.")
-    along = torque * turning
-    standing = speed == 0.0
-    along = np.where(standing, np.abs(torque), along)
+    along = np.where(speed == 0.0, np.abs(torque), torque * turning)
     braking = along < -settings.braking_torque * largest
     if braking.mean() > 0.5:
         problem = f"{int(braking.sum())} of {len(braking)} rows have a torque against the motion."
         raise FileError(file, problem, "A sweep of a driving motor has speed and torque of the same sign.")
     notes = (f"{int(braking.sum())} braking points left out",) if braking.any() else ()
     return np.where(braking, np.nan, np.abs(speed)), along, notes
-
-
-def _usual_sign(speed: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Sign of the speeds of each row's direction; 1 if none has a sign."""
-    signs = {way: float(np.sign(speed[forward == way].sum())) or 1.0 for way in (True, False)}
-    return np.where(forward, signs[True], signs[False])
 
 
 def _refuse_implausible(speed: np.ndarray, torque: np.ndarray, file: str, settings: ReadingSettings) -> None:
@@ -240,14 +250,6 @@ def _refuse_implausible(speed: np.ndarray, torque: np.ndarray, file: str, settin
     if strongest > settings.max_torque:
         problem = f"the joint would give {strongest:.0f} N m; at most {settings.max_torque:g} are possible."
         raise AmbiguousFileError(file, problem, "Correct the unit or the side.")
-
-
-def _refuse_swapped(rows: _Rows, file: str, settings: ReadingSettings) -> None:
-    """Detect swapped columns: torques cluster on the plateau, speeds do not."""
-    near = [float(np.mean(np.abs(each) > NEAR_LARGEST * np.abs(each).max())) for each in (rows.speed, rows.torque)]
-    if near[0] > settings.clustered and near[0] > near[1]:
-        problem = f"{100 * near[0]:.0f} % of the speeds are near the largest and {100 * near[1]:.0f} % of the torques."
-        raise AmbiguousFileError(file, problem, "Speed and torque seem to be swapped: correct the header.")
 
 
 DECIMALS = {"point": ".", "comma": ","}

@@ -27,14 +27,11 @@ FALLEN_DEG = 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class StandingPose:
-    """Pose and gains in which the manufacturer's controller stands before a policy starts."""
+    """Pose [rad] and gains [N m/rad, N m s/rad] in which the maker's controller stands before a policy starts."""
 
     kp: Float[np.ndarray, " j"]
-    """[N m/rad]"""
     kd: Float[np.ndarray, " j"]
-    """[N m s/rad]"""
     joint_pos: Float[np.ndarray, " j"]
-    """[rad]"""
     vendor_armature: Float[np.ndarray, " j"]
     """Armature in the manufacturer's MuJoCo model [kg m^2]."""
 
@@ -60,11 +57,8 @@ def read_standing_pose(folder: Path, robot: Robot) -> StandingPose | None:
     header, *rows = list(csv_records(read_csv_text(path).splitlines(), path)) or [[]]
     whole = tuple(header) == COLUMNS and all(len(row) == len(COLUMNS) for row in rows)
     if not whole or tuple(row[0] for row in rows) != robot.joint_names:
-        raise FileError(
-            path,
-            "it is no table of the robot's joints in their order.",
-            f"The columns must be {', '.join(COLUMNS)}.",
-        )
+        do = f"The columns must be {', '.join(COLUMNS)}."
+        raise FileError(path, "it is no table of the robot's joints in their order.", do)
     try:
         kp, kd, pos, vendor = np.array([[plain_number(cell) for cell in row[1:]] for row in rows]).T
     except ValueError as error:
@@ -73,17 +67,15 @@ def read_standing_pose(folder: Path, robot: Robot) -> StandingPose | None:
 
 
 def stand(
-    robot: Robot,
-    pose: StandingPose,
-    envelope: TorqueEnvelope,
-    armature: Float[np.ndarray, " j"],
-    seconds: float = 10.0,
+    robot: Robot, pose: StandingPose, envelope: TorqueEnvelope, armature: Float[np.ndarray, " j"], seconds: float = 10.0
 ) -> StandingResult:
     """Hold the pose from a start on the ground, with a given armature [kg m^2]."""
     model = mujoco_model(robot, ground=True, timestep=TIMESTEP_S)
     model.dof_armature[6:] = armature
     data = mujoco.MjData(model)
-    data.qpos[:] = np.concatenate([[0.0, 0.0, _height(robot, pose)], [1.0, 0.0, 0.0, 0.0], pose.joint_pos])
+    corners = [corner for foot in robot.sole_corners for corner in foot]
+    height = -float(Kinematics(robot).sites_of_pose(corners, pose.joint_pos)[:, 2].min())
+    data.qpos[:] = np.concatenate([[0.0, 0.0, height], [1.0, 0.0, 0.0, 0.0], pose.joint_pos])
     control = PdControl(kp=pose.kp, kd=pose.kd, envelope=envelope)
     steps, worst = round(seconds / TIMESTEP_S), 0.0
     for step in range(steps):
@@ -96,11 +88,3 @@ def stand(
         if worst > FALLEN_DEG:
             return StandingResult(seconds=step * TIMESTEP_S, fell=True, tilt_deg=worst, height=float(data.qpos[2]))
     return StandingResult(seconds=seconds, fell=False, tilt_deg=worst, height=float(data.qpos[2]))
-
-
-def _height(robot: Robot, pose: StandingPose) -> float:
-    """Root height [m] with the lowest sole corner on the ground."""
-    kinematics = Kinematics(robot)
-    poses = kinematics.forward(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), pose.joint_pos[None])
-    corners = [corner for foot in robot.sole_corners for corner in foot]
-    return -float(kinematics.site_pos_w(poses, corners)[..., 2].min())

@@ -31,12 +31,10 @@ NO_LOAD_RATIO = 1.25
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A plateau that sags towards the knee, then a line to zero torque at the no-load speed."""
+    """A plateau that sags towards the knee [rad/s, N m], then a line to zero torque at the no-load speed."""
 
     knee_speed: float
-    """[rad/s]"""
     knee_torque: float
-    """[N m]"""
     no_load_ratio: float = NO_LOAD_RATIO
     """No-load speed over knee speed."""
     sag: float = 0.0
@@ -88,12 +86,10 @@ ROBOTS = Path("robots")
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """The knee that a motor's sweep is made from."""
+    """The knee [N m, rad/s] that a motor's sweep is made from."""
 
     knee_torque: float
-    """[N m]"""
     knee_speed: float
-    """[rad/s]"""
     source: str
 
 

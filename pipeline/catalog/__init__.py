@@ -5,16 +5,7 @@
 `catalogue_file` is the stage for a file, `catalogue` the same for what a reader has read.
 """
 
-from pipeline.catalog.catalogue import Corrected, catalogue, catalogue_file, correct
-from pipeline.catalog.time_base import CatalogSettings, TimeBase, TimeBaseSettings, judge
+from pipeline.catalog.catalogue import catalogue, catalogue_file, correct
+from pipeline.catalog.time_base import CatalogSettings, judge
 
-__all__ = [
-    "CatalogSettings",
-    "Corrected",
-    "TimeBase",
-    "TimeBaseSettings",
-    "catalogue",
-    "catalogue_file",
-    "correct",
-    "judge",
-]
+__all__ = ["CatalogSettings", "catalogue", "catalogue_file", "correct", "judge"]

@@ -7,13 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.catalog.gait import Person
-from pipeline.catalog.measure import bridged, each_once, measure, times_stored
-from pipeline.catalog.time_base import CatalogSettings, TimeBase, judge
-from pipeline.clips.human_clip import HumanClip
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation, time_series
+from pipeline.catalog.time_base import CatalogSettings, Person, TimeBase, judge
+from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import digest
+from pipeline.quality.planar_motion import bridge_positions, planar_motion
 from pipeline.readers import ReadMotion, Source, read_motion, read_reference, refuse_outside_link
 
 
@@ -40,7 +43,8 @@ def catalogue_file(path: Path, name: str, source: Source, within: str, *, settin
         "credit": source.credit,
     }
     if reference is not None:
-        origin |= {"tracks": _within(reference.path, source), "tracks_content": reference.content}
+        tracks = reference.path.resolve().relative_to(source.folder.resolve()).as_posix()
+        origin |= {"tracks": tracks, "tracks_content": reference.content}
     pieces = tuple(dataclasses.replace(piece, numbers={**origin, **piece.numbers}) for piece in outcome.pieces)
     return dataclasses.replace(outcome, pieces=pieces, numbers={**origin, **outcome.numbers})
 
@@ -55,16 +59,25 @@ def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bo
     clip = corrected.clip
     measured = measure(clip, settings, corrected.person)
     reasons = (*read.notes, *corrected.reasons, *_too_little_recorded(clip, measured, settings))
-    numbers = {**_identity(read, clip), **measured, **_clocks(corrected.time_base)}
+    numbers: dict[str, Number] = {
+        "kind": "robot" if isinstance(clip, RobotClip) else "human",
+        "format": read.format,
+        "skeleton": read.skeleton,
+        "unit": read.unit,
+        "metres_per_unit": read.metres_per_unit,
+        "up_axis": read.up_axis,
+        "declared_fps": read.declared_fps,
+        "fps": clip.fps,
+        "seconds": clip.duration_s,
+        **measured,
+    }
+    if corrected.time_base is not None:
+        for name, clock in (("gravity", corrected.time_base.gravity), ("gait", corrected.time_base.gait)):
+            numbers[f"fps_by_{name}"] = None if clock is None else round(clock.fps, 1)
     numbers["notes"] = ",".join(sorted({reason.code for reason in reasons}))
     rejected = any(reason.effect == "rejected" for reason in reasons)
     pieces = () if rejected else (Piece(clip=clip, numbers=numbers),)
     return Outcome(pieces=pieces, reasons=reasons, numbers=numbers)
-
-
-def _within(path: Path, source: Source) -> str:
-    """A file's path in its source's folder."""
-    return path.resolve().relative_to(source.folder.resolve()).as_posix()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +101,9 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
     clip, reasons = read.clip, []
     times, first = times_stored(clip, settings.repeated_share)
     if times > 1:
-        reasons.append(_repeated(clip, times))
+        often = {2: "twice", 3: "three times"}.get(times, f"{times} times")
+        text = f"every frame is stored {often}: {clip.fps:g} Hz hold {clip.fps / times:g} Hz; one of each is kept"
+        reasons.append(Reason(code="doubled_frames", text=text, effect="repaired", value=float(times), limit=1.0))
         clip = each_once(clip, times, first)
     time_base = person = None
     if isinstance(clip, HumanClip):
@@ -124,41 +139,6 @@ def _too_little_recorded(
     return (Reason(code="too_little_recorded", text=text, effect="rejected", value=share, limit=least),)
 
 
-def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> dict[str, Number]:
-    return {
-        "kind": "robot" if isinstance(clip, RobotClip) else "human",
-        "format": read.format,
-        "skeleton": read.skeleton,
-        "unit": read.unit,
-        "metres_per_unit": read.metres_per_unit,
-        "up_axis": read.up_axis,
-        "declared_fps": read.declared_fps,
-        "fps": clip.fps,
-        "seconds": clip.duration_s,
-    }
-
-
-def _clocks(time_base: TimeBase | None) -> dict[str, Number]:
-    """The rate by physics [Hz]; nothing for a robot."""
-    if time_base is None:
-        return {}
-    return {
-        "fps_by_gravity": None if time_base.gravity is None else round(time_base.gravity.fps, 1),
-        "fps_by_gait": None if time_base.gait is None else round(time_base.gait.fps, 1),
-    }
-
-
-def _repeated(clip: HumanClip | RobotClip, times: int) -> Reason:
-    often = {2: "twice", 3: "three times"}.get(times, f"{times} times")
-    return Reason(
-        code="doubled_frames",
-        text=f"every frame is stored {often}: {clip.fps:g} Hz hold {clip.fps / times:g} Hz; one of each is kept",
-        effect="repaired",
-        value=float(times),
-        limit=1.0,
-    )
-
-
 def _contradicted(clip: HumanClip | RobotClip, time_base: TimeBase, rate_is_stated: bool) -> Reason:
     """The reason of a contradicted rate and what follows from it."""
     seen = " and ".join(clock.text for clock in (time_base.gravity, time_base.gait) if clock is not None)
@@ -179,3 +159,102 @@ def _contradicted(clip: HumanClip | RobotClip, time_base: TimeBase, rate_is_stat
         value=None if time_base.ratio is None else round(time_base.ratio, 3),
         limit=time_base.limit,
     )
+
+
+MOST_TIMES = 8
+"""How often a frame may be stored and still be found."""
+NO_STEP = 1e-7
+"""Steps up to this [m or rad] are none: the same numbers went through another arithmetic."""
+LEAST_MOVED = 0.5
+"""Share of the distinct frames that have to differ from the one before: a frozen clip shows no pattern."""
+LEAST_SEEN = 0.5
+"""Share of the other steps that have to be known: a step beside a missing frame is not known to be none."""
+
+
+def times_stored(clip: HumanClip | RobotClip, share: float) -> tuple[int, int]:
+    """How often each frame is stored, and the file's frame at which the first whole group begins.
+
+    `(1, 0)` for a sound clip, and for one that hardly moves. `share` of all moves have to be in the pattern.
+    """
+    step = _steps(clip)
+    moved, known = np.nan_to_num(step) > NO_STEP, np.isfinite(step)
+    if len(step) < 2 * MOST_TIMES or not moved.any():
+        return 1, 0
+    for times in range(MOST_TIMES, 1, -1):
+        counts = np.array([moved[phase::times].sum() for phase in range(times)])
+        phase = int(np.argmax(counts))
+        slots = known[phase::times].sum()
+        if known.sum() - slots < LEAST_SEEN * (len(step) - slots):
+            continue
+        if counts[phase] >= share * counts.sum() and counts[phase] >= LEAST_MOVED * slots:
+            return times, (phase + 1) % times
+    return 1, 0
+
+
+def each_once(clip: HumanClip | RobotClip, times: int, first: int) -> HumanClip | RobotClip:
+    """Every `times`-th frame from `first` on, at the rate that keeps the clip's duration."""
+    taken = {name: each[first::times].copy() for name, each in vars(clip).items() if isinstance(each, np.ndarray)}
+    return dataclasses.replace(clip, fps=clip.fps / times, **taken)
+
+
+def _steps(clip: HumanClip | RobotClip) -> Float[np.ndarray, " steps"]:
+    """Largest change from each frame to the next: of a person's joint positions [m], of a robot's joints [rad]."""
+    if isinstance(clip, HumanClip):
+        return rotation.length(np.diff(clip.body_pos_w, axis=0)).max(axis=1)
+    return np.abs(np.diff(clip.joint_pos, axis=0)).max(axis=1)
+
+
+def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Person | None = None) -> dict[str, Number]:
+    """Frames, missing frames, speeds [m/s], yaw rates [rad/s]; of a person also gait, legs and feet.
+
+    `recorded_share`: of the frames with a speed, how many were recorded and not bridged.
+
+    Short gaps are bridged first; `person` is `bridged(clip)` if that is known already. None is the value of what
+    cannot be measured.
+    """
+    motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)
+    speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
+    numbers: dict[str, Number] = {
+        "frames": clip.frame_count,
+        "missing_frames": missing_frames(clip),
+        "recorded_share": _round(motion.recorded[motion.valid].mean()) if len(speed) else 0.0,
+        "speed_mean": _round(speed.mean()) if len(speed) else None,
+        "speed_max": _round(speed.max()) if len(speed) else None,
+        "yaw_rate_mean": _round(yaw_rate.mean()) if len(speed) else None,
+        "yaw_rate_max": _round(np.abs(yaw_rate).max()) if len(speed) else None,
+    }
+    if not isinstance(clip, HumanClip):
+        return numbers
+    person = person or bridged(clip, settings)
+    rate, leg = person.step_rate, person.leg_length
+    return {
+        **numbers,
+        "leg_length": _round(leg) if np.isfinite(leg) else None,
+        "cadence_per_min": None if rate is None else _round(60.0 * rate * clip.fps),
+        "flight_share": _round(person.flights.frames.sum() / clip.frame_count),
+        "stance_foot_speed": _stance_foot_speed(person.clip),
+    }
+
+
+def missing_frames(clip: HumanClip | RobotClip) -> int:
+    """Frames in which any number is missing."""
+    arrays = [each for each in vars(clip).values() if isinstance(each, np.ndarray) and each.dtype.kind == "f"]
+    return int(np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0).sum())
+
+
+def bridged(clip: HumanClip, settings: CatalogSettings) -> Person:
+    """A person's clip with its short gaps bridged, as gait and flights are read from it."""
+    return Person(clip=bridge_positions(clip, settings.bridge_s))
+
+
+def _stance_foot_speed(clip: HumanClip) -> float | None:
+    """Mean horizontal speed of the slowest of both ankles and balls [m/s]: skating, once one foot stands."""
+    points = np.stack([clip.pos(f"{side}_{part}")[:, :2] for side in FEET for part in ("ankle", "toe")], axis=1)
+    slowest = np.linalg.norm(time_series.derivative(points, clip.fps), axis=2).min(axis=1)
+    known = slowest[np.isfinite(slowest)]
+    return _round(known.mean()) if len(known) else None
+
+
+def _round(value: float | np.floating) -> float:
+    """Four decimals, for a table."""
+    return round(float(value), 4)

@@ -3,20 +3,181 @@
 Gravity: in flight a body falls with 9.81 m/s², whatever it does. Gait: the length of people's steps over their
 rate is a constant of about 6.5 mm per step a minute when they walk (Sekiya and Nagasaki 1998), and runners take
 about 170 steps a minute whatever their speed. Gravity is the more precise clock and is used where both can be read.
+
+Steps and flight phases are found in frames and need no rate, so that they can be used to check it. A foot that stands
+is still in the world, whatever the floor looks like and whatever the rate is. Where neither foot is, the body is in
+free fall: it follows a parabola whose curvature in metres per frame² gives the duration of a frame. The trunk
+represents the body: over correct recordings of four sources its fall is 7.4 to 10.8 m/s²; that of a centre of mass from
+joint positions scatters more.
 """
 
 from __future__ import annotations
 
+import functools
+import itertools
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import minimum_filter1d
+from scipy.signal import find_peaks
 
-from pipeline.catalog.gait import Flights, Person, Steps, steps_ahead
+from pipeline import rotation, time_series
+from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Keys, Pattern, Range
 from pipeline.physics import GRAVITY
+from pipeline.quality.planar_motion import facing_of
+
+LEAST_SPREAD = 0.15
+"""Between two steps the feet's lead over each other swings by at least this share of the leg's length."""
+AHEAD = 0.75
+"""A step goes ahead when this share of its way is along the facing."""
+STRAIGHT = np.deg2rad(20.0)
+"""A step is straight when the way turns less from the step before it [rad]."""
+STILL_SHARE = 0.25
+"""A foot of which ankle or ball moves slower than this share of the body's speed stands, or is about to."""
+CLEARANCE = 0.01
+"""Both feet are over their lowest point of a stride by this share of the leg's length."""
+SHORTEST_FRAMES = 4
+"""Fewer frames tell no curvature."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """Steps ahead, in the order of time."""
+
+    frames: Float[np.ndarray, " n"]
+    """Duration of each step [frames]."""
+    length: Float[np.ndarray, " n"]
+    """Way of the pelvis in each step [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flights:
+    """Flight phases [start, stop) of a clip."""
+
+    phases: tuple[tuple[int, int], ...]
+    fall: Float[np.ndarray, " n"]
+    """Downward acceleration of the trunk in each [m/frame²]."""
+
+    @property
+    def frames(self) -> Float[np.ndarray, " n"]:
+        """Duration of each [frames]."""
+        return np.array([stop - start for start, stop in self.phases], dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Person:
+    """A person's clip with what steps and flights are found from; each quantity is computed once."""
+
+    clip: HumanClip
+
+    @functools.cached_property
+    def leg_length(self) -> float:
+        """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
+        sides = []
+        for side in FEET:
+            hip, knee, ankle = (self.clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
+            length = rotation.length(knee - hip) + rotation.length(ankle - knee)
+            length = length[np.isfinite(length)]
+            sides.append(float(np.median(length)) if len(length) else float("nan"))
+        return sum(sides) / len(sides)
+
+    @functools.cached_property
+    def facing(self) -> np.ndarray:
+        """Horizontal normal of the line between the hips (t, 2), unit."""
+        return facing_of(self.clip)
+
+    @functools.cached_property
+    def step_events(self) -> Int[np.ndarray, " n"]:
+        """Frames at which one ankle leads the other most, left and right in turns."""
+        clip = self.clip
+        lead = np.sum((clip.pos("left_ankle") - clip.pos("right_ankle"))[:, :2] * self.facing, axis=1)
+        index = np.flatnonzero(np.isfinite(lead))
+        if len(index) < 3:
+            return np.zeros(0, dtype=int)
+        prominence = LEAST_SPREAD * self.leg_length
+        left = [(int(frame), True) for frame in index[find_peaks(lead[index], prominence=prominence)[0]]]
+        right = [(int(frame), False) for frame in index[find_peaks(-lead[index], prominence=prominence)[0]]]
+        events = []
+        for _, same in itertools.groupby(sorted(left + right), key=lambda event: event[1]):
+            frames = [frame for frame, _ in same]
+            events.append((frames[0] + frames[-1]) // 2)
+        return np.array(events, dtype=int)
+
+    @functools.cached_property
+    def step_rate(self) -> float | None:
+        """Median number of steps a frame, in any direction; None where fewer than two steps are seen."""
+        events = self.step_events
+        return None if len(events) < 3 else 1.0 / float(np.median(np.diff(events)))
+
+    @functools.cached_property
+    def flights(self) -> Flights:
+        """Flight phases of running and jumping; none where no steps are seen or positions are missing."""
+        clip = self.clip
+        if self.step_rate is None:
+            return Flights(phases=(), fall=np.zeros(0))
+        height = 0.5 * (clip.pos("pelvis") + clip.pos("chest"))[:, 2]
+        airborne = _airborne(clip, 2 * int(2.0 / self.step_rate / 2.0) + 1, self.leg_length) & np.isfinite(height)
+        phases = tuple(
+            (start, stop)
+            for start, stop in time_series.runs(airborne)
+            if stop - start >= SHORTEST_FRAMES and start > 0 and stop < clip.frame_count
+        )
+        return Flights(phases=phases, fall=np.array([_fall(height[start:stop]) for start, stop in phases]))
+
+
+def steps_ahead(person: Person) -> Steps:
+    """The straight steps ahead, each between two moments at which one ankle leads most: double supports of walking.
+
+    Frames with missing positions are left out; a step across them is not counted.
+    """
+    pelvis, facing = person.clip.pos("pelvis")[:, :2], person.facing
+    known = np.asarray(np.isfinite(np.concatenate([pelvis, facing], axis=1)).all(axis=1))
+    frames, length, before = [], [], None
+    for first, last in itertools.pairwise(person.step_events):
+        way = pelvis[last] - pelvis[first]
+        direction, before = before, way
+        if direction is None or not np.all(known[first : last + 1]):
+            continue
+        ahead = np.dot(way, rotation.normalize(facing[first : last + 1].mean(axis=0)))
+        if ahead > AHEAD * np.linalg.norm(way) and _angle(direction, way) < STRAIGHT:
+            frames.append(last - first)
+            length.append(np.linalg.norm(way))
+    return Steps(frames=np.array(frames, dtype=float), length=np.array(length))
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.abs(np.arctan2(a[0] * b[1] - a[1] * b[0], np.dot(a, b))))
+
+
+def _airborne(clip: HumanClip, stride: int, leg: float) -> Bool[np.ndarray, " t"]:
+    """Frames (t,) in which no foot stands, while the body travels at least a leg's length in a stride."""
+    points = np.stack([clip.pos(f"{side}_{part}") for side in FEET for part in ("ankle", "toe")], axis=1)
+    slowest = np.linalg.norm(time_series.derivative(points, 1.0), axis=2).min(axis=1)
+    travel = time_series.derivative(_filled_mean(clip.pos("pelvis")[:, :2], stride), 1.0)
+    body_speed = np.linalg.norm(travel, axis=1)
+    heights = points[:, :, 2].copy()
+    heights[:, 0::2] -= np.nanpercentile(heights[:, 0::2], 5.0) - np.nanpercentile(heights[:, 1::2], 5.0)
+    lowest = heights.min(axis=1)
+    lowest = np.where(np.isfinite(lowest), lowest, np.nanmin(lowest))
+    clear = lowest - minimum_filter1d(lowest, stride) > CLEARANCE * leg
+    return clear & (slowest > STILL_SHARE * body_speed) & (body_speed * stride > leg)
+
+
+def _filled_mean(values: np.ndarray, width: int) -> np.ndarray:
+    """Moving mean (t, 2) of positions; missing ones keep the last known place."""
+    known = np.isfinite(values).all(axis=1)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
+    return time_series.moving_mean(np.nan_to_num(values)[last], width)
+
+
+def _fall(height: Float[np.ndarray, " n"]) -> float:
+    """Downward acceleration [m/frame²] of the least-squares parabola."""
+    frames = np.arange(len(height)) - (len(height) - 1) / 2.0
+    return float(-2.0 * np.polyfit(frames, height, 2)[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,41 +252,40 @@ class Clock:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeBase:
-    """Judgement of a clip's rate."""
+    """Evaluation of a clip's rate."""
 
-    gravity: Clock | None
+    gravity: Clock | None = None
     """None: too few flights, or flights that disagree."""
-    gait: Clock | None
+    gait: Clock | None = None
     """None: too few straight steps ahead."""
-    ratio: float | None
+    ratio: float | None = None
     """Rate that the decisive evidence tells over the clip's rate; None without evidence."""
-    limit: float | None
+    limit: float | None = None
     """Ratio from which that evidence contradicts the clip's rate."""
-    contradicted: bool
+    contradicted: bool = False
     """The evidence contradicts the clip's rate."""
-    certain: bool
+    certain: bool = False
     """It does so by more than people differ."""
-    fps: float | None
+    fps: float | None = None
     """The one standard rate that explains a contradiction [Hz]; None where there is none or more than one."""
-    candidates: tuple[float, ...]
+    candidates: tuple[float, ...] = ()
     """All standard rates that explain a contradiction [Hz]."""
 
 
 def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase:
-    """Hold a clip's rate against gravity and gait. `skeleton`: name of its map, which tells who recorded it."""
+    """Compare a clip's rate with gravity and gait. `skeleton`: name of its map, which depends on who recorded it."""
     fps = person.clip.fps
     gravity = _by_gravity(person.flights, fps, settings)
     gait = _by_gait(steps_ahead(person), person.leg_length, fps, settings)
     decisive = gravity or gait
     if decisive is None:
-        return TimeBase(
-            gravity=None, gait=None, ratio=None, limit=None, contradicted=False, certain=False, fps=None, candidates=()
-        )
+        return TimeBase()
     size, limit = _apart(decisive.fps, fps), decisive.limit
     contradicted = size >= limit
     agree = gravity is None or gait is None or _apart(gravity.fps, gait.fps) < settings.certain_gait_ratio
     certain = contradicted and (size >= settings.certain_gait_ratio if gravity is None else agree)
-    usual = _usual_rates(skeleton, settings)
+    patterns = [pattern for pattern in settings.usual_rates_hz if fnmatchcase(skeleton, pattern)]
+    usual = frozenset(rate for pattern in patterns for rate in settings.usual_rates_hz[pattern])
     instead = _instead(decisive, fps, usual, settings)
     if instead is not None:
         contradicted, certain, limit = True, True, min(limit, settings.usual_ratio)
@@ -137,7 +297,7 @@ def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase
         limit=limit,
         contradicted=contradicted,
         certain=certain,
-        fps=instead or _only(candidates, usual),
+        fps=instead or _only_one(candidates, usual),
         candidates=candidates,
     )
 
@@ -150,22 +310,13 @@ def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clo
     """Median fall over the flights; a flight's curvature is the surer the longer it is, so it weighs more."""
     if len(flights.fall) < settings.fewest_flights:
         return None
-    fall = _weighted_median(flights.fall, flights.frames**2)
-    if fall <= 0.0 or _weighted_median(np.abs(flights.fall - fall), flights.frames**2) > settings.flight_spread * fall:
+    fall = time_series.weighted_median(flights.fall, flights.frames**2)
+    spread = time_series.weighted_median(np.abs(flights.fall - fall), flights.frames**2)
+    if fall <= 0.0 or spread > settings.flight_spread * fall:
         return None
+    rate = float(np.sqrt(GRAVITY / fall))
     text = f"in {len(flights.fall)} flight phases the body falls with {fall * fps**2:.2f} m/s² instead of {GRAVITY}"
-    return Clock(
-        fps=float(np.sqrt(GRAVITY / fall)),
-        text=text,
-        tolerance=settings.gravity_tolerance,
-        limit=settings.gravity_ratio,
-    )
-
-
-def _weighted_median(values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]) -> float:
-    order = np.argsort(values, kind="stable")
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, total[-1] / 2.0)])
+    return Clock(fps=rate, text=text, tolerance=settings.gravity_tolerance, limit=settings.gravity_ratio)
 
 
 def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -> Clock | None:
@@ -180,12 +331,8 @@ def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -
         f"{cadence:.0f} steps a minute of {np.median(length):.2f} m are taken, where people take "
         f"about {np.median(wanted):.0f}"
     )
-    return Clock(
-        fps=float(np.median(wanted * frames / 60.0)),
-        text=text,
-        tolerance=settings.gait_tolerance,
-        limit=settings.gait_ratio,
-    )
+    rate = float(np.median(wanted * frames / 60.0))
+    return Clock(fps=rate, text=text, tolerance=settings.gait_tolerance, limit=settings.gait_ratio)
 
 
 def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
@@ -198,11 +345,6 @@ def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
     return tuple(chosen)
 
 
-def _usual_rates(skeleton: str, settings: TimeBaseSettings) -> frozenset[float]:
-    patterns = [pattern for pattern in settings.usual_rates_hz if fnmatchcase(skeleton, pattern)]
-    return frozenset(rate for pattern in patterns for rate in settings.usual_rates_hz[pattern])
-
-
 def _instead(clock: Clock, fps: float, usual: frozenset[float], settings: TimeBaseSettings) -> float | None:
     """The usual rate that explains what the clock tells, where it does so better than the file's, which is far off."""
     if not usual:
@@ -212,7 +354,7 @@ def _instead(clock: Clock, fps: float, usual: frozenset[float], settings: TimeBa
     return best if explains and _apart(best, fps) >= settings.usual_ratio else None
 
 
-def _only(candidates: tuple[float, ...], usual: frozenset[float]) -> float | None:
+def _only_one(candidates: tuple[float, ...], usual: frozenset[float]) -> float | None:
     """The only candidate, or the only one that is usual for the skeleton."""
     left = candidates if len(candidates) == 1 else tuple(rate for rate in candidates if rate in usual)
     return left[0] if len(left) == 1 else None

@@ -4,8 +4,6 @@ docstring the help. Those on policies are in `policy_arguments.py`.
 Nothing heavy is imported here: `booster-lab --help`, a typo and shell completion need the two files alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal

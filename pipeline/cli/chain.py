@@ -1,7 +1,5 @@
 """One file or clip through the stages, outside of the graph: read and corrected, repaired, retargeted."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`booster-lab curate`: the curator's page, served to this machine's browser."""
 
-from __future__ import annotations
-
 import contextlib
 import webbrowser
 

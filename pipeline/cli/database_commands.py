@@ -1,7 +1,5 @@
 """`booster-lab database`, `sources`, `export`, `store`: versions, sources of runs, other formats, size of the store."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.batch.collect import Part, collect

@@ -1,10 +1,7 @@
 """`booster-lab inspect IN`: what a motion file is and what is wrong with it; KP5's verdict on a clip."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +13,9 @@ from pipeline.cli.stored_clips import as_text as judgement_text
 from pipeline.cli.stored_clips import clip_of, judged
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.human_clip import HumanClip
-from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.outcome import Outcome, Piece
 from pipeline.errors import FileError, PipelineError
+from pipeline.files.csv_json import without_nan
 from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.viewing.human_figure import leg_length
@@ -61,21 +59,21 @@ class Inspection:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON types; what is not finite is None."""
-        return _finite(dataclasses.asdict(self))
+        return without_nan(dataclasses.asdict(self))
 
 
 def inspect_file(chain: Chain, path: Path, stated: Statement) -> Inspection:
     """Read, catalogue, cut in windows and repair one file, all reasons gathered. Raises FileError."""
     read = chain.read(path, stated)
     catalogued = chain.catalogued(read)
-    reasons = [_reason("catalogue", reason) for reason in catalogued.reasons]
+    reasons = [{"stage": "catalogue", **reason.to_dict()} for reason in catalogued.reasons]
     windows: list[dict[str, Any]] = []
     usable_s, pieces = 0.0, 0
     clip = catalogued.pieces[0].clip if catalogued.pieces else read.motion.clip
     for piece in catalogued.pieces[:1]:
         windows = _windows_inspection(chain.windows(piece), piece)
         repaired = chain.repaired(piece)
-        reasons += [_reason("repair", reason) for reason in repaired.reasons]
+        reasons += [{"stage": "repair", **reason.to_dict()} for reason in repaired.reasons]
         usable_s += sum(each.clip.duration_s for each in repaired.pieces)
         pieces = len(repaired.pieces)
     speed = chain.speeds(clip)
@@ -111,20 +109,6 @@ def _windows_inspection(selected: Outcome, whole: Piece) -> list[dict[str, Any]]
         }
         rows.append({**times, **{name: piece.numbers[name] for name in WINDOW_NUMBERS}})
     return rows
-
-
-def _reason(stage: str, reason: Reason) -> dict[str, Any]:
-    return {"stage": stage, **reason.to_dict()}
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _finite(entry) for name, entry in value.items()}
-    if isinstance(value, list):
-        return [_finite(entry) for entry in value]
-    if hasattr(value, "item"):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def run(args: Inspect) -> int:

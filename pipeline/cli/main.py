@@ -1,7 +1,5 @@
 """Entry point of `booster-lab`: arguments in, exit code out."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import inspect

@@ -1,7 +1,5 @@
 """Types of options of the command line: how a word is read, and its name in the help."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arguments of the commands on policies in simulation, as those in `arguments.py`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal

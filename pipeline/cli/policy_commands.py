@@ -3,10 +3,7 @@
 The exit code is the verdict.
 """
 
-from __future__ import annotations
-
 import dataclasses
-import json
 from pathlib import Path
 
 from pipeline.batch.reporting_pool import ReportingPool
@@ -15,11 +12,11 @@ from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
 from pipeline.errors import FileError, UnknownNameError
-from pipeline.files import atomic
+from pipeline.files.csv_json import write_json
 from pipeline.robot import load_robot
 from pipeline.validation.cross_engine import NAMES, CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
-from pipeline.validation.deployed import deployed, with_ankle_kd
+from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.failed_trials import refuse_foreign, remove_earlier, write_failed_trials
 from pipeline.validation.figures import measure
 from pipeline.validation.suites import cells_of
@@ -36,9 +33,7 @@ def validate_policy(args: Validate) -> int:
     project = find_project()
     bars = project.validation(args.robot)
     folder = robot_folder(project, args.robot)
-    one = deployed(folder, policy_of(args.policy, folder))
-    if args.ankle_kd is not None:
-        one = with_ankle_kd(one, args.ankle_kd)
+    one = deployed_policy(folder, args.policy, args.ankle_kd)
     cells = cells_of(args.suite, one.robot)
     if args.failures:
         refuse_foreign(args.failures, cells, one)
@@ -51,8 +46,7 @@ def validate_policy(args: Validate) -> int:
     print(f"{args.policy} on {folder}, suite {args.suite}{damped}")
     print(as_text(verdict))
     if args.json:
-        record = {**verdict.to_dict(), "gains": one.gains()}
-        atomic.write_text(args.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
+        write_json(args.json, {**verdict.to_dict(), "gains": one.gains()})
     if args.failures:
         logs = write_failed_trials(one, verdict, args.failures)
         gone = remove_earlier(args.failures, one, logs)
@@ -68,6 +62,12 @@ def robot_folder(project: Project, name: str) -> Path:
     project.robot(name)
     adapted = project.root / "data" / "adapted_robot" / name
     return adapted if (adapted / "robot.toml").is_file() else project.root / "robots" / name
+
+
+def deployed_policy(robot: Path, policy: Path, ankle_kd: float | None) -> Deployed:
+    """A policy on the robot of a folder, its ankles damped with `ankle_kd` [N m s/rad] where that is given."""
+    one = deployed(robot, policy_of(policy, robot))
+    return one if ankle_kd is None else with_ankle_kd(one, ankle_kd)
 
 
 def policy_of(path: Path, robot: Path) -> Policy:
@@ -94,9 +94,7 @@ def compare_engines(args: CrossEngine) -> int:
     if args.seeds is not None:
         grid = dataclasses.replace(grid, simulation=dataclasses.replace(grid.simulation, seeds=args.seeds))
     folder = robot_folder(project, args.robot)
-    one = deployed(folder, policy_of(args.policy, folder))
-    if args.ankle_kd is not None:
-        one = with_ankle_kd(one, args.ankle_kd)
+    one = deployed_policy(folder, args.policy, args.ankle_kd)
     found = cross_engine(
         one, grid, bars, pool=ReportingPool(workers=args.workers, what="walks done"), only=tuple(args.cells)
     )
@@ -114,8 +112,7 @@ def compare_engines(args: CrossEngine) -> int:
     failed = f"{len(found.failed_cells)} of {required} required cells failed"
     print(failed if required else "no cell is required: nothing was shown")
     if args.json:
-        record = {"policy": digest(one.policy), "gains": one.gains(), **found.to_dict()}
-        atomic.write_text(args.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
+        write_json(args.json, {"policy": digest(one.policy), "gains": one.gains(), **found.to_dict()})
     return 0 if found.passed else FAILED
 
 

@@ -1,7 +1,5 @@
 """The project a command works in: settings, robots, sources and store of one checkout."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from dataclasses import dataclass

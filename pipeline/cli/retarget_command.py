@@ -6,8 +6,6 @@ root_x,root_y,root_z,quat_x,quat_y,quat_z,quat_w,<joint>,...
 0.00000000,...
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -69,7 +67,8 @@ def run(args: Retarget) -> int:
     robot = project.robot(args.robot)
     done = retarget_file(project, args.input, Statement(**vars(args.statement)), robot)
     named = robot.in_naming(args.naming) if args.naming else robot
-    clips = [dataclasses.replace(_at_rate(piece, args.fps), joint_names=named.joint_names) for piece in done.pieces]
+    made = [piece.clip for piece in done.pieces if isinstance(piece.clip, RobotClip)]
+    clips = [dataclasses.replace(clip.resampled(args.fps), joint_names=named.joint_names) for clip in made]
     if not clips:
         why = " ".join(reason.text for reason in done.reasons if reason.effect == "rejected")
         raise FileError(args.input, f"nothing of it can be retargeted. {why or 'No frames are left.'}")
@@ -98,11 +97,6 @@ def retarget_file(project: Project, path: Path, stated: Statement, robot: Robot)
             pieces += outcome.pieces
             reasons += outcome.reasons
     return Retargeted(read=read.motion, seconds_in=seconds_in, pieces=tuple(pieces), reasons=tuple(reasons))
-
-
-def _at_rate(piece: Piece, fps: float) -> RobotClip:
-    assert isinstance(piece.clip, RobotClip)
-    return piece.clip.resampled(fps)
 
 
 def _report(args: Retarget, done: Retargeted, clips: list[RobotClip], paths: list[Path]) -> None:

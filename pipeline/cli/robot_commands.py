@@ -1,18 +1,17 @@
 """`booster-lab import-robot` and `check-robot`: a robot folder from its maker's model file, and what it lacks."""
 
-from __future__ import annotations
-
 import re
 
 from pipeline.cli.arguments import CheckRobot, ImportRobot
 from pipeline.cli.project import find_project
 from pipeline.errors import PipelineError
 from pipeline.robot.load import read_description
-from pipeline.robot_check import check_folder, compare
-from pipeline.robot_check.compare import JOINT, model_of
-from pipeline.robot_import import propose, read_model, read_stated, write_folder
-from pipeline.robot_import.readme import readme
-from pipeline.robot_import.stated import NOTHING
+from pipeline.robot_check.check import check_folder
+from pipeline.robot_check.compare import JOINT, compare, model_of
+from pipeline.robot_import.propose import propose
+from pipeline.robot_import.read import read_model
+from pipeline.robot_import.stated import NOTHING, read_stated
+from pipeline.robot_import.write import readme, write_folder
 
 NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
 FOUND = 3

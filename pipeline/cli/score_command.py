@@ -1,9 +1,6 @@
 """`booster-lab score CSV --human CLIP`: how well a robot's motion shows a person's, whoever made it."""
 
-from __future__ import annotations
-
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +11,7 @@ from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
+from pipeline.files.csv_json import without_nan
 from pipeline.readers import Statement, read_motion
 from pipeline.scoring import FIGURES, score
 from pipeline.scoring.align import same_length
@@ -66,5 +64,4 @@ def as_text(facts: dict[str, Any], figures: dict[str, float]) -> str:
 
 def as_json(facts: dict[str, Any], figures: dict[str, float]) -> str:
     """The facts and, under `figures`, a number a figure; null where the motion has no sample of it."""
-    values = {key: value if math.isfinite(value) else None for key, value in figures.items()}
-    return json.dumps({**facts, "figures": values}, indent=1, ensure_ascii=False, allow_nan=False)
+    return json.dumps({**facts, "figures": without_nan(figures)}, indent=1, ensure_ascii=False, allow_nan=False)

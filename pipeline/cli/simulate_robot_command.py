@@ -1,12 +1,10 @@
 """`booster-lab simulate-robot OUT.mcap`: a walk in MuJoCo as the log that the robot would have recorded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.actuators import read_standing_pose
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.cli.policy_arguments import Differences, SimulateRobot
 from pipeline.cli.project import Project, find_project
 from pipeline.deployment import PolicyController, deployment_task, digest, load_policy, policy_task

@@ -1,7 +1,5 @@
 """Clips that the graph has made, found by name in the store's manifests, and KP5's criteria of them."""
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import itertools
@@ -10,33 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.batch import Entry, Manifest, Store
+from pipeline.batch import Store
 from pipeline.cli.project import Project
 from pipeline.cli.text_table import text_table
-from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.curation_page.clip_table import LAST, ClipRow, asset_of, read_table
+from pipeline.curation_page.motion_sources import MotionSources
 from pipeline.errors import FileError, PipelineError
 from pipeline.feasibility import criteria_table
 from pipeline.feasibility.criteria_table import BROKEN, NOT_APPLICABLE
-from pipeline.files.csv_json import read_json
-from pipeline.files.shown_text import escaped, markdown_list
+from pipeline.files.csv_json import read_json, without_nan
+from pipeline.files.shown_text import markdown_list, markdown_table
 from pipeline.robot import Robot
-from pipeline.viewing.contact_sheet import entry_clip
-from pipeline.viewing.human_figure import mirrored
-from pipeline.viewing.playlist import Playlist, Shown
+from pipeline.viewing.playlist import MotionSource, Playlist, Shown
 
-REFERENCES = "reference_motions"
-"""The asset whose clips are tracked."""
-
-HUMAN_ASSETS = ("motion_catalog", "selected_motions", "repaired_motions")
-ROBOT_ASSETS = (
-    *("retargeted_motions", "motion_variants", REFERENCES),
-    *("augmented_motions", "feasible_motions"),
-)
-"""Assets in the order of the graph; a clip is shown as the last one that has it left it."""
-
-BARE_ROBOT = "t1"
-"""The robot whose assets have no prefix."""
+MARKS = "@+~/"
+"""What the names of clips made from a clip continue with."""
 
 MOST_NAMES = 2_000
 """Clips that are offered at once."""
@@ -47,54 +34,22 @@ NUMBERS = ("skill", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "
 
 @dataclass(frozen=True, kw_only=True)
 class _StoredClips:
-    """All clips of the manifests by name, the latest state of each."""
+    """All clips of a robot's manifests by name, the latest state of each."""
 
     store: Store
-    human: dict[str, Entry]
-    robot: dict[str, Entry]
-    references: dict[str, Entry]
-    """What rollouts tracked."""
+    sources: MotionSources
     reasons: dict[str, list[dict[str, Any]]]
     """Clip -> reasons of the stages that took it in."""
 
+    def source(self, name: str) -> MotionSource:
+        """Where the motions of a clip are."""
+        entry = self.sources.robot.get(name) or self.sources.human.get(name)
+        return self.sources.of(ClipRow(clip=name, stage="", verdict="", numbers=entry.numbers if entry else {}))
+
     def load(self, name: str, robot: Robot) -> Shown:
-        entry = self.robot.get(name)
-        result = self.store.get_clip(entry.blob, name) if entry is not None else None
-        human = self._human(name, result)
-        shown = entry or self.human[name]
-        return Shown(
-            name=name,
-            human=human,
-            reference=self.reference(entry, result),
-            robot_clip=result if isinstance(result, RobotClip) else None,
-            robot=robot,
-            text=_text(shown.numbers, self.reasons.get(name, [])),
-        )
-
-    def reference(self, entry: Entry | None, rollout: Any) -> RobotClip | None:
-        """The frames of its reference that a rollout tracked; None for a clip that is no rollout."""
-        if entry is None or not isinstance(rollout, RobotClip) or not entry.numbers.get("reference"):
-            return None
-        tracked = self.references.get(str(entry.numbers["reference"]))
-        clip = self.store.get_clip(tracked.blob, tracked.clip) if tracked is not None else None
-        start = int(entry.numbers.get("reference_frame") or 0)
-        if not isinstance(clip, RobotClip) or start + rollout.frame_count > clip.frame_count:
-            return None
-        return clip.cut(start, start + rollout.frame_count, clip.name)
-
-    def _human(self, name: str, result: Any) -> HumanClip | None:
-        """The human that a robot clip came from, in the same mirror and at the same playing speed."""
-        base, *variant = name.split("~")
-        entry = self.human.get(base)
-        if entry is None:
-            return None
-        clip = entry_clip(self.store, entry)
-        if not isinstance(clip, HumanClip):
-            return None
-        if "mirror" in variant:
-            clip = mirrored(clip)
-        scale = next((float(part[1:]) for part in variant if part.startswith("x")), 1.0)
-        return dataclasses.replace(clip, fps=clip.fps * scale)
+        entry = self.sources.robot.get(name) or self.sources.human[name]
+        text = _text(entry.numbers, self.reasons.get(name, []))
+        return dataclasses.replace(self.source(name).load(self.store, robot), text=text)
 
 
 def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
@@ -104,66 +59,45 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     Raises PipelineError with the names that come near, or with the command that makes clips.
     """
     shelf = _shelf(project.store, robot.name)
-    known = sorted({*shelf.human, *shelf.robot})
+    human, machine = shelf.sources.human, shelf.sources.robot
+    known = sorted({*human, *machine})
     if not known:
         do = "dagster asset materialize --select expert_db"
         raise PipelineError(f"'{text}' is no file, and the store has no clips yet; make them with: {do}")
-    stem = text.rstrip("@+~/")
-    found = [name for name in known if name == stem or any(name.startswith(stem + mark) for mark in "@+~/")]
+    stem = text.rstrip(MARKS)
+    found = [name for name in known if name == stem or any(name.startswith(stem + mark) for mark in MARKS)]
     if not found:
         near = difflib.get_close_matches(text, known, n=5, cutoff=0.3) or known[:5]
         raise PipelineError(f"'{text}' is neither a file nor a clip of the store; near it are: {', '.join(near)}")
-    made = [name for name in found if name in shelf.robot and "~" not in name]
-    names = [stem] if stem in shelf.robot else (made or found)[:MOST_NAMES]
+    made = [name for name in found if name in machine and "~" not in name]
+    names = [stem] if stem in machine else (made or found)[:MOST_NAMES]
     beside = [name for name in found if name not in set(names)][:MOST_NAMES]
     return Playlist(names=tuple(names), beside=tuple(beside), load=lambda name: shelf.load(name, robot))
 
 
 def reference_of(project: Project, rollout: RobotClip, robot: Robot) -> RobotClip | None:
     """The frames that a rollout of the database tracked; None for another clip, or where the store lacks them."""
-    shelf = _shelf(project.store, robot.name)
-    return shelf.reference(shelf.robot.get(rollout.name), rollout)
+    return _shelf(project.store, robot.name).source(rollout.name).load_reference(project.store, rollout)
 
 
 def _shelf(store: Store, robot: str) -> _StoredClips:
-    prefix = "" if robot == BARE_ROBOT else f"{robot}/"
-    human: dict[str, Entry] = {}
-    machine: dict[str, Entry] = {}
+    table = read_table(store, robot)
     reasons: dict[str, list[dict[str, Any]]] = {}
-    for asset, shelf in [(name, human) for name in HUMAN_ASSETS] + [(prefix + name, machine) for name in ROBOT_ASSETS]:
-        manifest = _manifest(store, asset)
-        shelf.update({entry.clip: entry for entry in manifest.entries})
+    for manifest in table.manifests.values():
         for row in manifest.judged:
             reasons.setdefault(row.clip, []).extend(row.reasons)
-    references = {entry.clip: entry for entry in _manifest(store, f"{prefix}{REFERENCES}").entries}
-    return _StoredClips(store=store, human=human, robot=machine, references=references, reasons=reasons)
-
-
-def _manifest(store: Store, asset: str) -> Manifest:
-    """The asset's manifest, empty where it was never materialized."""
-    if not Path(store.manifest_path(asset)).is_file():
-        return Manifest(stage=asset, entries=(), judged=())
-    return store.load(asset)
+    return _StoredClips(store=store, sources=MotionSources(table, pieces=True), reasons=reasons)
 
 
 def _text(numbers: dict[str, Any], reasons: list[dict[str, Any]]) -> str:
-    rows = [
-        f"| {escaped(name)} | {escaped(_number(numbers[name]))} |" for name in NUMBERS if numbers.get(name) is not None
-    ]
-    table = "\n".join(["| | |", "|---|---|", *rows]) if rows else ""
+    known = {name: numbers[name] for name in NUMBERS if numbers.get(name) is not None}
+    rows = [(name, f"{value:.3g}" if isinstance(value, float) else value) for name, value in known.items()]
     lines = markdown_list((f"{reason['effect']}: {reason['text']}" for reason in reasons), "")
-    return f"{table}\n\n{lines}"
-
-
-def _number(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    return f"{markdown_table(('', ''), rows) if rows else ''}\n\n{lines}"
 
 
 Row = dict[str, Any]
 """A row of the table; its columns are `criteria_table.COLUMNS`."""
-
-_MARKS = "@+~/"
-"""What the names of clips made from a clip go on with."""
 
 
 def judged(project: Project, name: str, robot: str) -> list[Row]:
@@ -177,8 +111,8 @@ def judged(project: Project, name: str, robot: str) -> list[Row]:
         own = [row for row in rows if row[column] == name]
         if own:
             return own
-    stem = name.rstrip(_MARKS)
-    made = [row for row in rows if any(row["clip"].startswith(stem + mark) for mark in _MARKS)]
+    stem = name.rstrip(MARKS)
+    made = [row for row in rows if any(row["clip"].startswith(stem + mark) for mark in MARKS)]
     if not made:
         names = sorted({row[column] for row in rows for column in ("clip", "piece")} - {""})
         near = difflib.get_close_matches(name, names, n=5, cutoff=0.3) or names[:5]
@@ -203,13 +137,9 @@ def as_text(rows: Sequence[Row]) -> str:
 
 
 def _rows(project: Project, robot: str) -> list[Row]:
-    asset = "feasible_motions" if robot == BARE_ROBOT else f"{robot}/feasible_motions"
+    asset = asset_of(LAST, robot)
     manifest = project.store.manifest_path(asset)
-    table = criteria_table.read(criteria_table.path_beside(manifest), manifest, asset)
-    return [
-        {str(name): None if value != value else value for name, value in row.items()}
-        for row in table.to_dict("records")
-    ]
+    return without_nan(criteria_table.read(criteria_table.path_beside(manifest), manifest, asset).to_dict("records"))
 
 
 def _stretch(own: Sequence[Row]) -> str:

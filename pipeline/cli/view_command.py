@@ -3,9 +3,6 @@
 A clip is one of a motion file, of the store's manifests or of the database.
 """
 
-from __future__ import annotations
-
-import webbrowser
 from pathlib import Path
 
 from pipeline.cli.arguments import View
@@ -109,16 +106,8 @@ def view_clip(args: View) -> int:
         return 0
     from pipeline.viewing.viewer import Viewer  # starts threads and a web server: not for the picture
 
-    viewer = Viewer(clips, port=args.port, host=args.host)
-    try:
-        print(f"{viewer.url} plays {clips.names[0]}; stop with Ctrl-C", flush=True)
-        if not args.no_browser:
-            webbrowser.open(viewer.url)
-        viewer.run()
-    except KeyboardInterrupt:
-        return 0  # the way to end it
-    finally:
-        viewer.stop()
+    Viewer(clips, port=args.port, host=args.host).serve(clips.names[0], browser=not args.no_browser)
+    return 0
 
 
 def picture(clips: Playlist, robot: Robot, count: int) -> bytes:

@@ -1,20 +1,16 @@
 """`booster-lab webots-project`: the Webots project of a robot, and its walk in Webots or a stand-in."""
 
-from __future__ import annotations
-
-import json
 from pathlib import Path
 
 from pipeline.cli.policy_arguments import WebotsProject
-from pipeline.cli.policy_commands import policy_of, robot_folder
+from pipeline.cli.policy_commands import FAILED, deployed_policy, robot_folder
 from pipeline.cli.project import find_project
 from pipeline.deployment import deployment_task
 from pipeline.errors import FileError
-from pipeline.files import atomic
+from pipeline.files.csv_json import write_json
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.deployed import deployed, with_ankle_kd
 from pipeline.validation.derived_bars import allowed_of
 from pipeline.webots.launch import launch_webots
 from pipeline.webots.project import Project, write_project
@@ -30,8 +26,6 @@ from pipeline.webots.validate import (
     verdict,
 )
 
-FAILED = 3
-"""Exit code of a walk that fails or was not run; 1 is of one that could not be done."""
 STAND_INS = {"mujoco": MUJOCO_STAND_IN, "ode": ODE_STAND_IN}
 
 
@@ -57,8 +51,7 @@ def run(args: WebotsProject) -> int:
     for reason in found.reasons:
         print(f"  {reason}")
     if args.json:
-        record = {**found.to_dict(), "note": note or None}
-        atomic.write_text(args.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
+        write_json(args.json, {**found.to_dict(), "note": note or None})
     if found.failed_to_run:
         return 1
     return 0 if found.status == "passed" else FAILED
@@ -70,9 +63,7 @@ def _write(args: WebotsProject, folder: Path, settings: WebotsSettings) -> tuple
         robot = load_robot(folder)
         envelope = TorqueEnvelope(limit=robot.torque_limit)
         return write_project(args.out, source, deployment_task(robot), envelope, None, settings), robot
-    one = deployed(folder, policy_of(args.policy, folder))
-    if args.ankle_kd is not None:
-        one = with_ankle_kd(one, args.ankle_kd)
+    one = deployed_policy(folder, args.policy, args.ankle_kd)
     return write_project(args.out, source, one.task, one.envelope, one.policy, settings), one.robot
 
 

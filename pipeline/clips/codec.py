@@ -33,16 +33,15 @@ class CodecError(PipelineError):
 def encode(clip: HumanClip | RobotClip) -> bytes:
     """Parquet bytes of a clip without its name; equal motions give equal bytes."""
     head: dict = {"format": FORMAT, "fps": clip.fps}
+    arrays = _motion(clip)
     if isinstance(clip, HumanClip):
         head |= {"kind": "human", "bodies": list(BODIES)}
-        arrays = {"body_pos_w": clip.body_pos_w, "body_quat_w": clip.body_quat_w}
     else:
         head |= {"kind": "robot", "robot": clip.robot, "joint_names": list(clip.joint_names)}
-        arrays = {"root_pos_w": clip.root_pos_w, "root_quat_w": clip.root_quat_w, "joint_pos": clip.joint_pos}
         if clip.forces is not None:
             arrays |= vars(clip.forces)
     if clip.contacts is not None:
-        arrays = {**arrays, "contacts": clip.contacts}
+        arrays["contacts"] = clip.contacts
     columns = {name: _to_column(values) for name, values in arrays.items()}
     table = pa.table(columns).replace_schema_metadata({"booster_lab": json.dumps(head, sort_keys=True)})
     sink = pa.BufferOutputStream()
@@ -74,6 +73,13 @@ def decode(data: bytes, name: str) -> HumanClip | RobotClip:
     return RobotClip(robot=head["robot"], joint_names=tuple(head["joint_names"]), forces=forces, **common)
 
 
+def _motion(clip: Clip) -> dict[str, np.ndarray]:
+    """The arrays of a clip's motion, without contacts and forces."""
+    if isinstance(clip, HumanClip):
+        return {"body_pos_w": clip.body_pos_w, "body_quat_w": clip.body_quat_w}
+    return {"root_pos_w": clip.root_pos_w, "root_quat_w": clip.root_quat_w, "joint_pos": clip.joint_pos}
+
+
 def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:
     flat = np.ascontiguousarray(values, dtype=np.float64).reshape(len(values), -1)
     return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
@@ -92,13 +98,9 @@ def faults_of(clip: Clip) -> list[str]:
 
     A human clip must have its contacts labelled, a recording of a robot may not know them.
     """
-    if isinstance(clip, HumanClip):
-        arrays, quats = {"body_pos_w": clip.body_pos_w, "body_quat_w": clip.body_quat_w}, clip.body_quat_w
-    else:
-        arrays = {"root_pos_w": clip.root_pos_w, "root_quat_w": clip.root_quat_w, "joint_pos": clip.joint_pos}
-        quats = clip.root_quat_w
+    quats = clip.body_quat_w if isinstance(clip, HumanClip) else clip.root_quat_w
     faults = []
-    for name, values in arrays.items():
+    for name, values in _motion(clip).items():
         bad = ~_by_frame(np.isfinite(values)).all(axis=1)
         if bad.any():
             faults.append(f"frame {int(np.argmax(bad))}: {name} is not finite")

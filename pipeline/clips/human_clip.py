@@ -2,37 +2,61 @@
 
 from __future__ import annotations
 
+import dataclasses
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pipeline.clips.frames import Frames
+from pipeline import time_series
 
-BODIES: tuple[str, ...] = (
-    "pelvis",
-    "spine",
-    "chest",
-    "neck",
-    "head",
-    "left_hip",
-    "left_knee",
-    "left_ankle",
-    "left_toe",
-    "right_hip",
-    "right_knee",
-    "right_ankle",
-    "right_toe",
-    "left_shoulder",
-    "left_elbow",
-    "left_wrist",
-    "right_shoulder",
-    "right_elbow",
-    "right_wrist",
-)
-"""Canonical bodies in order. A body's position is that of the joint at its upper end (`left_knee` is
-the knee joint and the shank below it, `left_shoulder` the shoulder joint and the upper arm,
-`left_toe` the ball of the foot); `chest` is the upper spine, the body that carries neck and arms."""
+Own = TypeVar("Own", bound="Frames")
+
+
+class Frames(ABC):
+    """Base of the frozen dataclasses of clips: `fps`, `frame_count`, and arrays of one row a frame.
+
+    Booleans are labels; names with `quat` are rotations; other arrays are quantities. A nested object with a method
+    `cut` (simulated forces) belongs to its own rate.
+    """
+
+    fps: float
+    """Frames per second [Hz]."""
+
+    @property
+    @abstractmethod
+    def frame_count(self) -> int:
+        """Number of frames."""
+
+    @property
+    def duration_s(self) -> float:
+        return self.frame_count / self.fps
+
+    def cut(self: Own, start: int, stop: int, name: str) -> Own:
+        """Frames [start, stop) under a new name."""
+        parts = {key: value[start:stop].copy() for key, value in vars(self).items() if isinstance(value, np.ndarray)}
+        nested = {key: value.cut(start, stop) for key, value in vars(self).items() if hasattr(value, "cut")}
+        return self._with(name=name, **parts, **nested)
+
+    def resampled(self: Own, fps: float) -> Own:
+        """The same motion at another rate, by time: quantities linearly, rotations by slerp, labels from the nearest
+        frame. Simulated forces are dropped."""
+        if fps == self.fps:
+            return self
+        times_s = time_series.resample_times(self.frame_count, self.fps, fps)
+        changed: dict[str, Any] = {key: None for key, value in vars(self).items() if hasattr(value, "cut")}
+        for key, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                labels, rotations = value.dtype == bool, "quat" in key
+                method = time_series.resample_quat if rotations else time_series.resample_linear
+                changed[key] = (time_series.resample_nearest if labels else method)(value, self.fps, times_s)
+        return self._with(fps=fps, **changed)
+
+    def _with(self: Own, **changed: Any) -> Own:
+        return dataclasses.replace(self, **changed)  # pyright: ignore[reportArgumentType, reportType]
+
 
 PARENTS: dict[str, str] = {
     "spine": "pelvis",
@@ -54,6 +78,14 @@ PARENTS: dict[str, str] = {
     "right_elbow": "right_shoulder",
     "right_wrist": "right_elbow",
 }
+
+BODIES: tuple[str, ...] = ("pelvis", *PARENTS)
+"""Canonical bodies in order. A body's position is that of the joint at its upper end (`left_knee` is
+the knee joint and the shank below it, `left_shoulder` the shoulder joint and the upper arm,
+`left_toe` the ball of the foot); `chest` is the upper spine, the body that carries neck and arms."""
+
+PARENT: tuple[int, ...] = (-1, *(BODIES.index(parent) for parent in PARENTS.values()))
+"""Index of each body's parent, -1 for the pelvis; a parent comes before its children."""
 
 FEET: tuple[str, str] = ("left", "right")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
@@ -32,6 +33,14 @@ class Reason:
     limit: float | None = None
     """The number that it was compared with."""
     unit: str = ""
+
+    @classmethod
+    def of_frames(
+        cls, code: str, text: str, effect: str, frames: tuple[int, int], fps: float, **numbers: Any
+    ) -> Reason:
+        """A fact about frames [first, last) of a clip at `fps` [Hz]; `numbers`: value, limit and unit."""
+        first, last = frames
+        return cls(code=code, text=text, effect=effect, start_s=first / fps, stop_s=last / fps, **numbers)
 
     def to_dict(self) -> dict:
         return {key: value for key, value in vars(self).items() if value is not None and value != ""}

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.clips.frames import Frames
+from pipeline.clips.human_clip import Frames
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
 """The routes, served to this machine alone: GET changes nothing, changes are POST requests that `guard` checks."""
 
-from __future__ import annotations
-
 import json
 import re
 import secrets
@@ -27,6 +25,7 @@ from pipeline.curation_page.thumbnail_process import ThumbnailProcess
 from pipeline.curation_page.workplace import Runs, Workplace
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.feedback.approve import approve_proposal, decline_proposal, take_back_sections
+from pipeline.files.csv_json import without_nan
 from pipeline.release.page import style_source
 
 STATIC = Path(__file__).parent / "static"
@@ -120,7 +119,7 @@ def _release(workplace: Workplace) -> Callable[[Request], Any]:
 
 def _read(function: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
     async def answer(request: Request) -> Response:
-        return await _answered(lambda: JSONResponse(_finite(function(request.query_params)), headers=NOT_KEPT))
+        return await _answered(lambda: JSONResponse(without_nan(function(request.query_params)), headers=NOT_KEPT))
 
     return answer
 
@@ -187,15 +186,6 @@ def _texts(value: Mapping[str, Any], name: str) -> list[str]:
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
         raise RequestError(f"'{name}' is not a list of texts")
     return found
-
-
-def _finite(value: Any) -> Any:
-    """JSON types; None in place of NaN and infinities, which JSON lacks."""
-    if isinstance(value, float):
-        return value if value == value and abs(value) != float("inf") else None
-    if isinstance(value, Mapping):
-        return {str(key): _finite(each) for key, each in value.items()}
-    return [_finite(each) for each in value] if isinstance(value, (list, tuple)) else value
 
 
 PORTS_TRIED = 20

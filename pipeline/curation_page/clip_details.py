@@ -3,8 +3,6 @@
 `proposals`: proposed changes with their evidence, and the answers to them.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import pandas as pd
@@ -15,6 +13,7 @@ from pipeline.errors import FileError
 from pipeline.feedback.approve import FeedbackFiles
 from pipeline.feedback.change import SECTIONS, Change, place_of, proposal_digest
 from pipeline.feedback.trust import is_demonstration
+from pipeline.files.csv_json import without_nan
 from pipeline.selection.curation import Decision
 
 CRITERIA = (
@@ -92,12 +91,8 @@ def _criteria(criteria: pd.DataFrame | None, row: ClipRow) -> list[dict[str, Any
     """Rows of the table of criteria, stretch by stretch; what is no number is None."""
     if criteria is None or row.stage != LAST:
         return []
-    wanted = ["start_s", "stop_s", "piece", *CRITERIA]
-    own = pd.DataFrame(criteria.loc[criteria["clip"] == row.clip, wanted]).astype(object)
-    return [
-        {name: None if value != value else value for name, value in zip(wanted, values, strict=True)}
-        for values in own.itertuples(index=False, name=None)
-    ]
+    own = criteria.loc[criteria["clip"] == row.clip, ["start_s", "stop_s", "piece", *CRITERIA]]
+    return without_nan(own.to_dict("records"))
 
 
 def _lineage(table: ClipTable, row: ClipRow) -> list[dict[str, Any]]:

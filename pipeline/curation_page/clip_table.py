@@ -6,13 +6,12 @@ A clip that a stage rejected ends there; a clip that KP5 evaluated ends there, a
 not select is a row of its own.
 """
 
-from __future__ import annotations
-
 import gc
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from pipeline.batch import Entry, Judged, Manifest, Store
@@ -69,13 +68,9 @@ class ClipTable:
         """The row of a clip, or of the clip that it is a piece of."""
         return self._by_name.get(clip)
 
-    @property
+    @cached_property
     def _by_name(self) -> dict[str, ClipRow]:
-        known = vars(self).get("_known")
-        if known is None:
-            known = {piece: row for row in self.rows for piece in row.pieces} | {row.clip: row for row in self.rows}
-            vars(self)["_known"] = known
-        return known
+        return {piece: row for row in self.rows for piece in row.pieces} | {row.clip: row for row in self.rows}
 
 
 def asset_of(stage: str, robot: str) -> str:

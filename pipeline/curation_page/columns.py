@@ -1,13 +1,9 @@
 """The table as columns for the browser: texts as an index into a list, figures as numbers with four digits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from pipeline.curation_page.clip_table import STAGES, VERDICTS, ClipRow, ClipTable
@@ -43,24 +39,6 @@ OTHER_FIGURES: Mapping[str, tuple[str, str]] = {
 """Figures that are no criteria -> group and unit."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FigureColumn:
-    """One figure of all clips."""
-
-    name: str
-    group: str
-    unit: str
-    lower: bool
-    """Whether small values are bad."""
-    thresholds: tuple[float, float] | None
-    """Smallest and largest threshold that clips were compared with; some depend on the speed. None: no criterion."""
-    values: tuple[float | None, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON types."""
-        return {**vars(self), "thresholds": list(self.thresholds) if self.thresholds else None}
-
-
 def columns(table: ClipTable, criteria: pd.DataFrame | None, decisions: Iterable[Decision]) -> dict[str, Any]:
     """The table in the form that the browser reads; equal tables give equal values.
 
@@ -77,40 +55,35 @@ def columns(table: ClipTable, criteria: pd.DataFrame | None, decisions: Iterable
     return {
         "clip": [row.clip for row in rows],
         "texts": texts,
-        "figures": [each.to_dict() for each in figure_columns(rows, criteria)],
+        "figures": _figures(rows, criteria),
     }
 
 
-def figure_columns(rows: Sequence[ClipRow], criteria: pd.DataFrame | None) -> list[FigureColumn]:
-    """All figures that any clip has, criteria first, in the order of the tables."""
+def _figures(rows: Sequence[ClipRow], criteria: pd.DataFrame | None) -> list[dict[str, Any]]:
+    """All figures that any clip has, criteria first, in the order of the tables.
+
+    `lower`: whether small values are bad; `thresholds`: smallest and largest threshold that clips were compared with,
+    since some depend on the speed, or None where the figure is no criterion.
+    """
     limits = _thresholds(criteria)
-    found = []
-    for code in codes():
-        entry = REGISTERED[code]
-        values = _values(rows, code)
-        if any(value is not None for value in values):
-            known = limits.get(code)
-            found.append(
-                FigureColumn(
-                    name=code,
-                    group=entry.group,
-                    unit=entry.unit,
-                    lower=entry.lower,
-                    thresholds=known,
-                    values=values,
-                )
-            )
-    named = {each.name for each in found}
+    wanted: dict[str, tuple[str, str, bool]] = {
+        code: (REGISTERED[code].group, REGISTERED[code].unit, REGISTERED[code].lower) for code in codes()
+    }
     for name, (group, unit) in OTHER_FIGURES.items():
+        wanted.setdefault(name, (group, unit, False))
+    found = []
+    for name, (group, unit, lower) in wanted.items():
         values = _values(rows, name)
-        if name not in named and any(value is not None for value in values):
-            found.append(FigureColumn(name=name, group=group, unit=unit, lower=False, thresholds=None, values=values))
+        if values is not None:
+            facts = {"name": name, "group": group, "unit": unit, "lower": lower}
+            found.append({**facts, "thresholds": limits.get(name), "values": values})
     return found
 
 
-def _values(rows: Sequence[ClipRow], name: str) -> tuple[float | None, ...]:
-    found = [row.numbers.get(name) for row in rows]
-    return tuple(map(_short, found)) if any(value is not None for value in found) else (None,) * len(found)
+def _values(rows: Sequence[ClipRow], name: str) -> list[float | None] | None:
+    """The figure of each clip; None where no clip has it."""
+    values = [_short(row.numbers.get(name)) for row in rows]
+    return values if any(value is not None for value in values) else None
 
 
 def _short(value: Any) -> float | None:
@@ -119,17 +92,13 @@ def _short(value: Any) -> float | None:
     return float(f"{value:.4g}")
 
 
-def _thresholds(criteria: pd.DataFrame | None) -> dict[str, tuple[float, float]]:
+def _thresholds(criteria: pd.DataFrame | None) -> dict[str, list[float]]:
     """Criterion -> smallest and largest threshold."""
     if criteria is None or criteria.empty:
         return {}
     known = criteria[list(THRESHOLD_COLUMNS)].dropna()
-    place, names = pd.factorize(known["criterion"])
-    limits = known["threshold"].to_numpy(dtype=float)
-    low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
-    np.minimum.at(low, place, limits)
-    np.maximum.at(high, place, limits)
-    return {str(code): (float(low[index]), float(high[index])) for index, code in enumerate(names)}
+    limits = known["threshold"].groupby(known["criterion"], observed=True).agg(["min", "max"])
+    return {str(code): [float(low), float(high)] for code, low, high in limits.itertuples()}
 
 
 def _coded(values: list[str], names: Sequence[str] = ()) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """What a database has that another one lacks, what it lost, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +7,7 @@ from typing import Any
 from pipeline.curation_page.clip_table import ClipTable
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.expert import history, index
+from pipeline.files.csv_json import without_nan
 from pipeline.selection.curation import Decision, exclusions
 
 CURRENT = "current"
@@ -36,8 +35,8 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
         if name not in known:
             raise UnknownNameError("version", name, list(known))
     old, new = (_read(known[name].folder) for name in (before, after))
-    reasons = AbsenceReason(table, decisions)
-    left = [{**old[clip], "why": reasons.of(clip)} for clip in sorted(old.keys() - new.keys())]
+    excluded = exclusions(decisions)
+    left = [{**old[clip], "why": _why_absent(clip, table, excluded)} for clip in sorted(old.keys() - new.keys())]
     both = sorted(old.keys() & new.keys())
     changed = [clip for clip in both if old[clip]["sha256"] != new[clip]["sha256"]]
     moved = [clip for clip in both if abs(old[clip]["weight"] - new[clip]["weight"]) > WEIGHT_TOLERANCE]
@@ -55,25 +54,18 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
     }
 
 
-class AbsenceReason:
-    """Why a clip is not in the current database."""
-
-    def __init__(self, table: ClipTable, decisions: tuple[Decision, ...]) -> None:
-        self._table = table
-        self._excluded = exclusions(decisions)
-
-    def of(self, clip: str) -> str:
-        """The reasons as one sentence."""
-        names = [clip, *sorted({clip[:place] for place, letter in enumerate(clip) if letter in "@+~"}, key=len)[::-1]]
-        for name in names:
-            if name in self._excluded:
-                return self._excluded[name].text()
-        for name in names:
-            row = self._table.row(name)
-            texts = [str(each["text"]) for each in row.reasons if each.get("effect") == "rejected"] if row else []
-            if texts:
-                return "; ".join(texts)
-        return "no stage makes a clip of this name any more: its recording left the sources, or its window changed"
+def _why_absent(clip: str, table: ClipTable, excluded: Mapping[str, Decision]) -> str:
+    """Why a clip is not in the current database: its own reasons, or those of what it was made from."""
+    names = [clip, *sorted({clip[:place] for place, letter in enumerate(clip) if letter in "@+~"}, key=len)[::-1]]
+    for name in names:
+        if name in excluded:
+            return excluded[name].text()
+    for name in names:
+        row = table.row(name)
+        texts = [str(each["text"]) for each in row.reasons if each.get("effect") == "rejected"] if row else []
+        if texts:
+            return "; ".join(texts)
+    return "no stage makes a clip of this name any more: its recording left the sources, or its window changed"
 
 
 def _read(folder: Path) -> dict[str, dict[str, Any]]:
@@ -81,12 +73,10 @@ def _read(folder: Path) -> dict[str, dict[str, Any]]:
     path = folder / index.FILE
     try:
         table = index.read_table(path)
-        rows = table.reindex(columns=list(COLUMNS)).astype(object).to_dict("records")
+        rows = without_nan(table.reindex(columns=list(COLUMNS)).to_dict("records"))
     except (ValueError, KeyError) as error:
         raise FileError(path, f"not a readable index ({error}).", "Materialize expert_db again.") from error
-    return {
-        str(row["clip"]): {str(name): None if value != value else value for name, value in row.items()} for row in rows
-    }
+    return {str(row["clip"]): row for row in rows}
 
 
 def _summary(version: history.Version, rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -8,8 +8,6 @@ its longest side. Positions are whole steps of `STEP_M` from the figure's first 
     positions of a figure: frames x lines x (start xyz, end xyz); MISSING where a part is missing
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence
@@ -87,28 +85,20 @@ def _head(figure: Figure, frames: np.ndarray) -> dict[str, Any]:
         "radius": [round(_measures(shape)[2], 4) for _, shape in shapes],
         "color": ["#" + "".join(f"{round(255 * value):02x}" for value in shape.color) for _, shape in shapes],
         "foot": [-1 if foot is None else foot for foot, _ in shapes],
-        "heading": _first_heading(figure),
+        "heading": round(figure.first_heading, 4),
         "contacts": _contacts(figure),
     }
-
-
-def _first_heading(figure: Figure) -> float:
-    """Heading [rad] in the first frame that has one."""
-    known = figure.heading[np.isfinite(figure.heading)]
-    return round(float(known[0]), 4) if len(known) else 0.0
 
 
 def _contacts(figure: Figure) -> list[list[list[float]]] | None:
     """Of each foot the times it is on the ground, as [start, stop] [s]; None if unknown."""
     if figure.contacts is None:
         return None
-    feet: list[np.ndarray] = [np.asarray(column, dtype=bool) for column in zip(*figure.contacts, strict=True)]
-    return [_stretches(foot, figure.fps) for foot in feet]
-
-
-def _stretches(on_ground: np.ndarray, fps: float) -> list[list[float]]:
-    """Start and end [s] of each run of frames on the ground."""
-    return [[round(start / fps, 4), round(stop / fps, 4)] for start, stop in time_series.runs(on_ground)]
+    feet = (np.asarray(column, dtype=bool) for column in zip(*figure.contacts, strict=True))
+    return [
+        [[round(start / figure.fps, 4), round(stop / figure.fps, 4)] for start, stop in time_series.runs(foot)]
+        for foot in feet
+    ]
 
 
 def _steps(lines: np.ndarray, figure: Figure, frames: np.ndarray) -> np.ndarray:

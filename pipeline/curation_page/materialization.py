@@ -3,8 +3,6 @@
 A run may compute some clips again from the first stage; `Rerun` compares their results before and after.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Sources of the motions of each row of the table: which blobs show the person and the robot of a clip."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -18,18 +16,22 @@ DATABASE_FRAME_S = 0.02
 
 
 class MotionSources:
-    """The sources of a table's clips, by name."""
+    """The sources of a table's clips, by name.
 
-    def __init__(self, table: ClipTable) -> None:
-        self._human = _entries(table, HUMAN_STAGES)
-        self._robot = _entries(table, ROBOT_STAGES[:-1])
+    Args:
+        pieces: whether a clip that KP5 kept is shown as the piece that it kept
+    """
+
+    def __init__(self, table: ClipTable, *, pieces: bool = False) -> None:
+        self.human = _entries(table, HUMAN_STAGES)
+        self.robot = _entries(table, ROBOT_STAGES if pieces else ROBOT_STAGES[:-1])
         self._references = _entries(table, (REFERENCES,))
 
     def of(self, row: ClipRow) -> MotionSource:
         """The source of a row; without motions where no stage could read the clip."""
-        entry = self._robot.get(row.clip)
+        entry = self.robot.get(row.clip)
         if entry is None:
-            recorded = self._human.get(row.clip)
+            recorded = self.human.get(row.clip)
             if recorded is not None and recorded.numbers.get("kind") == "robot":
                 return MotionSource(clip=row.clip, robot=recorded.blob)
             return MotionSource(clip=row.clip, human=self._human_of(row.clip, row.numbers))
@@ -44,7 +46,7 @@ class MotionSources:
 
     def _human_of(self, clip: str, numbers: Mapping[str, Any], reference: Entry | None = None) -> HumanSource | None:
         base, *variant = (_STRETCH.sub("", part) if place else part for place, part in enumerate(clip.split("~")))
-        entry = self._human.get(base) or self._human.get(base.rpartition("@")[0])
+        entry = self.human.get(base) or self.human.get(base.rpartition("@")[0])
         if entry is None or entry.numbers.get("kind") == "robot":
             return None
         speed = next((float(match[1]) for part in variant if (match := _SPEED.fullmatch(part))), 1.0)

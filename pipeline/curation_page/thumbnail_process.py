@@ -7,8 +7,6 @@ server's end of its stdin is closed, however the server ended.
     stdout  a line `<made> <wanted>` whenever some were made
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

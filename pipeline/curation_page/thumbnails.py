@@ -3,8 +3,6 @@
 They lie in `data/store/thumbnails/`; deleting the folder loses nothing but the time to make them again.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import threading

@@ -1,7 +1,5 @@
 """What the server knows of a project: its table, read again when a manifest changed, thumbnails, decisions, runs."""
 
-from __future__ import annotations
-
 import json
 import threading
 from dataclasses import dataclass
@@ -26,8 +24,7 @@ from pipeline.feasibility import criteria_table
 from pipeline.feedback.approve import FeedbackFiles
 from pipeline.files import digest, settings
 from pipeline.robot import Robot, load_robot
-from pipeline.selection.curation import Decision
-from pipeline.selection.curation_file import decide, read_decisions, take_back
+from pipeline.selection.curation import Decision, decide, read_decisions, take_back
 from pipeline.viewing.playlist import MotionSource
 
 FIRST_SCREEN = 24
@@ -166,7 +163,7 @@ class Workplace:
         path = self.thumbnails.path(key)
         if path.is_file():
             return path.read_bytes()
-        source = self._sources_by_key().get(key)
+        source = self.wanted_thumbnails()[0].get(key)
         return None if source is None else self.thumbnails.make(source)
 
     def make_first_thumbnails(self) -> None:
@@ -177,7 +174,9 @@ class Workplace:
 
     def wanted_thumbnails(self) -> tuple[dict[str, MotionSource], ThumbnailStore]:
         """Name of each thumbnail -> what it shows, and where they are."""
-        return self._sources_by_key(), self.thumbnails
+        now = self.read()
+        sources = [now.sources.of(row) for row in now.table.rows]
+        return {self.thumbnails.key(source): source for source in sources}, self.thumbnails
 
     def decide(self, clips: list[str], verdict: str, by: str, why: str) -> int:
         """Write a person's decision on some clips; their number. Raises SettingsError, FileError."""
@@ -198,14 +197,6 @@ class Workplace:
         take_back(self.curation, clips)
         return len(clips)
 
-    def rerun_of(self, clips: list[str]) -> Rerun:
-        """The rerun of some clips. Raises NoClipError, FileError."""
-        return rerun_of(self.read().table, clips, self.robot_name, self.database_asset)
-
-    def outcome(self, rerun: Rerun) -> dict[str, Any]:
-        """What came of a rerun. Raises FileError."""
-        return rerun.outcome(self.read().table)
-
     def versions(self) -> list[dict[str, Any]]:
         """The databases that can be compared."""
         return [{"name": each.name, "clips": each.clips, "seconds": each.seconds} for each in versions(self.database)]
@@ -213,14 +204,6 @@ class Workplace:
     def compare(self, before: str, after: str) -> dict[str, Any]:
         """What came and left between two of them. Raises UnknownNameError, FileError."""
         return compare(self.database, before, after, self.read().table, self.decisions())
-
-    def _sources_by_key(self) -> dict[str, MotionSource]:
-        now = self.read()
-        found = {}
-        for row in now.table.rows:
-            source = now.sources.of(row)
-            found[self.thumbnails.key(source)] = source
-        return found
 
 
 class Runs:
@@ -242,7 +225,8 @@ class Runs:
 
     def start_again(self, clips: list[str]) -> int:
         """Work on some clips again, from their recordings to the database; their number. Raises PipelineError."""
-        rerun = self._workplace.rerun_of(clips)
+        place = self._workplace
+        rerun = rerun_of(place.read().table, clips, place.robot_name, place.database_asset)
         with self._lock:
             self._run.start(*rerun.assets, again=rerun.names)
             self._rerun, self._outcome = rerun, None
@@ -260,7 +244,7 @@ class Runs:
                 return {**state, "rerun": None}
             if self._outcome is None and not state["at_work"]:
                 try:
-                    self._outcome = self._workplace.outcome(self._rerun)
+                    self._outcome = self._rerun.outcome(self._workplace.read().table)
                 except PipelineError as error:
                     self._outcome = {"clips": len(self._rerun.before), "error": str(error)}
             return {**state, "rerun": self._outcome or {"clips": len(self._rerun.before)}}

@@ -13,7 +13,7 @@ from pipeline import rotation
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import added_moments
-from pipeline.simulation.plant import PlantState
+from pipeline.simulation.plant import Plant, PlantState, standing_state
 
 
 def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:
@@ -75,7 +75,7 @@ def dynamics_urdf(robot: Robot) -> str:
     return Xml.tostring(model, encoding="unicode")
 
 
-class DartPlant:
+class DartPlant(Plant):
     """DART's rigid bodies with hard contacts: a boxed linear complementarity problem, Dantzig's method.
 
     Args:
@@ -95,7 +95,7 @@ class DartPlant:
         The world is rebuilt, because collision detectors remember earlier pairs, which changes the bits of results.
         """
         self._build()
-        start = _standing(self.robot) if state is None else state
+        start = standing_state(self.robot) if state is None else state
         positions, velocities = self._skeleton.getPositions(), self._skeleton.getVelocities()
         positions[self._joints], velocities[self._joints] = start.joint_pos, start.joint_vel
         self._skeleton.setPositions(positions)
@@ -113,7 +113,11 @@ class DartPlant:
         self._root = self._skeleton.getRootJoint()
         self._joints = np.array([self._skeleton.getDof(name).getIndexInSkeleton() for name in robot.joint_names])
         self._feet = [self._skeleton.getBodyNode(name) for name in self._feet_names]
-        self._sides = {_shape(body, index): side for side, body in enumerate(self._feet) for index in _shapes(body)}
+        self._sides = {
+            body.getShapeNode(index).getName(): side
+            for side, body in enumerate(self._feet)
+            for index in range(body.getNumShapeNodes())
+        }
         self._world = dart.simulation.World()
         self._world.setGravity([0.0, 0.0, -GRAVITY])
         self._world.setTimeStep(self.timestep_s)
@@ -121,7 +125,6 @@ class DartPlant:
         self._world.addSkeleton(self._skeleton)
 
     def state(self) -> PlantState:
-        """Current pose and velocity of the robot."""
         positions, velocities = self._skeleton.getPositions(), self._skeleton.getVelocities()
         quat_w = rotation.from_rotvec(positions[:3])
         return PlantState(
@@ -134,7 +137,6 @@ class DartPlant:
         )
 
     def step(self, torque: Float[np.ndarray, " j"], force_w: Float[np.ndarray, " 3"] | None = None) -> None:
-        """Advance by one timestep with joint torques [N m] and a force [N] at the trunk's centre of mass."""
         forces = np.zeros(self._skeleton.getNumDofs())
         forces[self._joints] = torque
         self._skeleton.setForces(forces)
@@ -173,23 +175,3 @@ class DartPlant:
                 side = self._sides.get(shape.getShapeFrame().getName())
                 if side is not None:
                     yield side, np.array(contact.point), sign * np.array(contact.force)
-
-
-def _standing(robot: Robot) -> PlantState:
-    """At rest in the default pose on the ground."""
-    return PlantState(
-        root_pos_w=np.array([0.0, 0.0, robot.default_root_height]),
-        root_quat_w=rotation.IDENTITY.copy(),
-        root_lin_vel_w=np.zeros(3),
-        root_ang_vel_b=np.zeros(3),
-        joint_pos=np.array(robot.default_joint_pos),
-        joint_vel=np.zeros(len(robot.joint_names)),
-    )
-
-
-def _shapes(body: dart.dynamics.BodyNode) -> range:
-    return range(body.getNumShapeNodes())
-
-
-def _shape(body: dart.dynamics.BodyNode, index: int) -> str:
-    return body.getShapeNode(index).getName()

@@ -4,8 +4,6 @@ mjlab, BeyondMimic and GMR: archives without pickle. Rerun: `.rrd` with the pose
 velocities. LeRobot: `lerobot.py`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -182,15 +180,10 @@ def export_clips(kind: str, clips: Iterable[tuple[RobotClip, str, str]], robot: 
         return write_lerobot(out, ((clip, skill) for clip, skill, _ in clips))
     count = 0
     for clip, _, file in clips:
-        path = output_file(out, kind, file)
+        path = out / Path(file).with_suffix(SUFFIXES[kind])
         if kind == RERUN:
             write_rerun(path, clip, robot)
         else:
             atomic.write_bytes(path, ARCHIVES[kind](clip, robot))
         count += 1
     return count
-
-
-def output_file(out: Path, kind: str, file: str) -> Path:
-    """Where a clip of the database's file goes."""
-    return out / Path(file).with_suffix(SUFFIXES[kind])

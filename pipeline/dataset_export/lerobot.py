@@ -10,8 +10,6 @@ A clip is an episode, its skill the task. `action` is what a tracking controller
 the next frame (of the last one: its own). The format is that of https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -1,7 +1,7 @@
 """What runs on the robot: observation, network, joint targets. Used by engines, exports and logs; needs only numpy."""
 
 from pipeline.deployment.controller import History, PolicyController, frame
-from pipeline.deployment.policy import Policy, PolicyGains, digest, load_policy, save_policy
+from pipeline.deployment.policy import Policy, PolicyGains, digest, find_policy, load_policy, save_policy
 from pipeline.deployment.task import DeploymentTask, deployment_task, policy_task
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "PolicyGains",
     "deployment_task",
     "digest",
+    "find_policy",
     "frame",
     "load_policy",
     "policy_task",

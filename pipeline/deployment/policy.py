@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -178,6 +179,18 @@ def save_policy(path: Path, policy: Policy) -> None:
     stream = io.BytesIO()
     np.savez(stream, **arrays)  # pyright: ignore[reportArgumentType]
     atomic.write_bytes(path, stream.getvalue())
+
+
+def find_policy(paths: Iterable[Path], wanted: str) -> Path | None:
+    """The first policy file of a digest: of the file's bytes, or of network and gains. Other npz files are skipped."""
+    for path in paths if wanted else ():
+        try:
+            known = (digests.of_file(path), digest(load_policy(path)))
+        except FileError:
+            continue
+        if wanted in known:
+            return path
+    return None
 
 
 def digest(policy: Policy) -> str:

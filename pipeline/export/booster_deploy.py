@@ -18,7 +18,7 @@ from typing import Annotated
 
 from pipeline.deployment import DeploymentTask, Policy
 from pipeline.errors import SettingsError
-from pipeline.export.networks import write_torch_script
+from pipeline.export.networks import to_torch_script
 from pipeline.files import atomic, settings
 from pipeline.files.ranges import Allowed
 from pipeline.robot.load import ROBOTS
@@ -66,7 +66,7 @@ def write_task_folder(folder: Path, task: DeploymentTask, policy: Policy, root_h
     place = folder / FOLDER
     atomic.write_text(place / "__init__.py", _INIT.format(task=TASK))
     atomic.write_text(place / "walk.py", _walk(task, vendor, root_height))
-    write_torch_script(place / MODEL, task, policy)
+    atomic.write_bytes(place / MODEL, to_torch_script(task, policy))
     atomic.write_text(folder / "README.md", _README.format(task=TASK, robot=vendor))
     return [place / "__init__.py", place / "walk.py", place / MODEL, folder / "README.md"]
 

@@ -80,9 +80,8 @@ def read_card(folder: Path) -> ModelCard:
     missing = [name for name in REQUIRED if name not in value]
     unknown = sorted(set(value) - set(ModelCard.__dataclass_fields__))
     if missing or unknown:
-        raise FileError(
-            path, f"lacks {', '.join(missing) or 'nothing'}, has unknown {', '.join(unknown) or 'nothing'}."
-        )
+        strange = ", ".join(unknown) or "nothing"
+        raise FileError(path, f"lacks {', '.join(missing) or 'nothing'}, has unknown {strange}.")
     _check_types(path, value)
     return ModelCard(**value)
 
@@ -128,18 +127,21 @@ def page(card: ModelCard) -> str:
 
 def card_rows(card: ModelCard) -> dict[str, str]:
     """The main facts of a card by name, for people."""
-    licence = card.data.get("licence", {})
+    run, data = ({name: str(value) for name, value in facts.items()} for facts in (card.run, card.data))
+    licence, missing = card.data.get("licence", {}), "not stated"
+    changed = ", ".join(f"{name}={value}" for name, value in card.run.get("changed", {}).items())
+    preset = run.get("preset", missing) + (f" with {changed}" if changed else "")
     return {
         "robot": card.robot,
-        "run": str(card.run.get("name", "not stated")),
-        "commit": str(card.run.get("commit", "not stated")),
-        "command": str(card.run.get("command", "not stated")),
-        "preset, seed": f"{_preset(card.run)}, {card.run.get('seed', 'not stated')}",
-        "environments, device": f"{card.run.get('num_envs', 'not stated')}, {card.run.get('device', 'not stated')}",
-        "trained": f"{card.run.get('iterations', '?')} iterations, {card.run.get('seconds', '?')} s",
-        "motor limits": str(card.data.get("motors", "not stated")),
-        "expert database": str(card.data.get("digest", "not stated")),
-        "clips, seconds": f"{card.data.get('clips', '?')}, {card.data.get('seconds', '?')}",
+        "run": run.get("name", missing),
+        "commit": run.get("commit", missing),
+        "command": run.get("command", missing),
+        "preset, seed": f"{preset}, {run.get('seed', missing)}",
+        "environments, device": f"{run.get('num_envs', missing)}, {run.get('device', missing)}",
+        "trained": f"{run.get('iterations', '?')} iterations, {run.get('seconds', '?')} s",
+        "motor limits": data.get("motors", missing),
+        "expert database": data.get("digest", missing),
+        "clips, seconds": f"{data.get('clips', '?')}, {data.get('seconds', '?')}",
         "licence": f"{licence.get('strictest', 'unknown')}: {licence.get('allowed_use', 'not stated')}",
         "may ship": f"{'yes' if card.shippable else 'no'}. {card.why}",
         "network": " - ".join(str(size) for size in card.network.get("sizes", ())),
@@ -147,9 +149,3 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         f"TorchScript {card.parity['torch_script']:.1e}, over {card.parity['observations']} observations",
         "digest": card.digest,
     }
-
-
-def _preset(run: dict[str, Any]) -> str:
-    """The preset and the options that differ from it."""
-    changed = ", ".join(f"{name}={value}" for name, value in run.get("changed", {}).items())
-    return str(run.get("preset", "not stated")) + (f" with {changed}" if changed else "")

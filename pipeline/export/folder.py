@@ -25,16 +25,16 @@ from pipeline.deployment import DeploymentTask, Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export import booster_deploy, card
 from pipeline.export.metadata import (
+    SHIPPABLE,
     ExportError,
     metadata,
     read_json,
-    refuse_unless_allowed,
     shipping,
     trained_task,
     training_data,
     training_run,
 )
-from pipeline.export.networks import write_onnx
+from pipeline.export.networks import to_onnx
 from pipeline.export.parity import (
     GoldenVectors,
     Parity,
@@ -123,9 +123,10 @@ def export_policy(
     Raises ExportError if the licence of its data forbids shipping and `shippable` is set, if the policy has no gains,
     and if an exported file does not reproduce the network's actions.
     """
-    allowed = shipping(source.data)
-    if shippable:
-        refuse_unless_allowed(allowed, name)
+    allowed, why = shipping(source.data)
+    if shippable and not allowed:
+        known = f"Allowed are {', '.join(SHIPPABLE)}. Train it on a database of such motions."
+        raise ExportError(f"policy '{name}' can't be marked shippable: {why} {known}")
     policy = load_policy(source.policy)
     task = trained_task(robot, policy)
     _clear(folder)
@@ -137,6 +138,7 @@ def export_policy(
     parity = _write_derived(folder, robot, task, policy, golden, rng)
     if compact:
         _remove_derived(folder)
+    sizes = [policy.observation_size, *(len(bias) for _, bias in policy.layers)]
     written = card.ModelCard(
         name=name,
         robot=robot.name,
@@ -144,8 +146,8 @@ def export_policy(
         run=source.run,
         data=source.data,
         shippable=shippable,
-        why=allowed.reason,
-        network={"sizes": _sizes(policy), "activation": "ELU", "precision": "single"},
+        why=why,
+        network={"sizes": sizes, "activation": "ELU", "precision": "single"},
         parity=asdict(parity),
         task=metadata(task, policy),
         files=_files(folder),
@@ -220,7 +222,7 @@ def _write_derived(
     folder: Path, robot: Robot, task: DeploymentTask, policy: Policy, golden: GoldenVectors, rng: np.random.Generator
 ) -> Parity:
     """Write ONNX and the booster_deploy task, and compare both with the network."""
-    write_onnx(folder / ONNX, task, policy)
+    atomic.write_bytes(folder / ONNX, to_onnx(task, policy))
     booster_deploy.write_task_folder(folder / DEPLOY, task, policy, robot.default_root_height)
     observations = observations_to_compare(policy, golden.observation, rng)
     return measure_parity(policy, folder / ONNX, folder / TORCH_SCRIPT, observations)
@@ -230,7 +232,3 @@ def _files(folder: Path) -> dict[str, str]:
     known = [folder / POLICY, folder / ONNX, folder / GOLDEN, folder / CURVES]
     known += sorted(path for path in (folder / DEPLOY).rglob("*") if path.suffix in {".py", ".pt", ".md"})
     return {path.relative_to(folder).as_posix(): digests.of_file(path) for path in known if path.is_file()}
-
-
-def _sizes(policy: Policy) -> list[int]:
-    return [policy.observation_size, *(len(bias) for _, bias in policy.layers)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -65,19 +64,10 @@ def metadata(task: DeploymentTask, policy: Policy) -> dict[str, Any]:
 
     `digest` is that of the network's numbers and its gains (`pipeline.deployment.digest`).
     """
-    return {
-        "robot": task.robot,
-        "joint_names": list(task.joint_names),
-        "policy_joints": list(task.policy_joints),
-        "kp": task.kp.tolist(),
-        "kd": task.kd.tolist(),
-        "default_joint_pos": task.default_joint_pos.tolist(),
-        "action_scale": task.action_scale,
-        "history": task.history,
-        "control_hz": task.control_hz,
-        "observation": OBSERVATION,
-        "digest": digest(policy),
-    }
+    names = {name: list(getattr(task, name)) for name in ("joint_names", "policy_joints")}
+    arrays = {name: getattr(task, name).tolist() for name in ("kp", "kd", "default_joint_pos")}
+    rates = {name: getattr(task, name) for name in ("action_scale", "history", "control_hz")}
+    return {"robot": task.robot, **names, **arrays, **rates, "observation": OBSERVATION, "digest": digest(policy)}
 
 
 def as_texts(facts: dict[str, Any]) -> dict[str, str]:
@@ -87,50 +77,20 @@ def as_texts(facts: dict[str, Any]) -> dict[str, str]:
 
 def from_texts(texts: dict[str, str]) -> dict[str, Any]:
     """Inverse of `as_texts`; a text that is not JSON stays as it is."""
-    return {name: _value(name, text) for name, text in texts.items()}
-
-
-def _value(name: str, text: str) -> Any:
-    if name in ("robot", "observation", "digest"):
-        return text
-    return json.loads(text)
+    plain = ("robot", "observation", "digest")
+    return {name: text if name in plain else json.loads(text) for name, text in texts.items()}
 
 
 SHIPPABLE = ("public-domain", "permissive", "attribution", "share-alike")
 """Licence classes (`pipeline.expert.licence`) whose policies may ship with the project."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shipping:
-    """Whether a policy may ship, and why."""
-
-    allowed: bool
-    reason: str
-    strictest: str
-    """The strictest class of licence among the clips of its database."""
-
-
-def shipping(manifest: dict[str, Any] | None) -> Shipping:
-    """Whether the manifest of the training database allows shipping.
-
-    Without a manifest the licence is unknown, and shipping is not allowed.
-    """
-    stated = (manifest or {}).get("licence", {})
-    strictest = str(stated.get("strictest", "unknown"))
+def shipping(manifest: dict[str, Any]) -> tuple[bool, str]:
+    """Whether the manifest of the training database allows shipping, and why; not if it states no licence."""
+    stated = manifest.get("licence", {})
+    use, strictest = str(stated.get("allowed_use", "")), str(stated.get("strictest", "unknown"))
     if strictest in SHIPPABLE:
-        return Shipping(allowed=True, reason=str(stated.get("allowed_use", "")), strictest=strictest)
+        return True, use
     forbidding = sorted(text for text, kind in stated.get("licences", {}).items() if kind not in SHIPPABLE)
-    why = f"the strictest licence of its database is {strictest}"
     detail = f" ({'; '.join(forbidding)})" if forbidding else ""
-    return Shipping(
-        allowed=False, reason=f"{why}{detail}. {stated.get('allowed_use', '')}".strip(), strictest=strictest
-    )
-
-
-def refuse_unless_allowed(found: Shipping, policy: str) -> None:
-    """Raise ExportError if the policy must not be marked as shippable."""
-    if not found.allowed:
-        raise ExportError(
-            f"policy '{policy}' can't be marked shippable: {found.reason} "
-            f"Allowed are {', '.join(SHIPPABLE)}. Train it on a database of such motions."
-        )
+    return False, f"the strictest licence of its database is {strictest}{detail}. {use}".strip()

@@ -23,7 +23,6 @@ from pipeline.deployment import DeploymentTask, Policy
 from pipeline.errors import FileError
 from pipeline.export.card import check_stated
 from pipeline.export.metadata import as_texts, from_texts, metadata
-from pipeline.files import atomic
 from pipeline.files.npz import NpzCaps, check_torch_archive
 
 OPSET = 17
@@ -63,11 +62,6 @@ def to_onnx(task: DeploymentTask, policy: Policy) -> bytes:
     helper.set_model_props(model, as_texts(metadata(task, policy)))
     onnx.checker.check_model(model, full_check=True)
     return model.SerializeToString(deterministic=True)
-
-
-def write_onnx(path: Path, task: DeploymentTask, policy: Policy) -> None:
-    """Write the ONNX file of a policy, whole or not at all."""
-    atomic.write_bytes(path, to_onnx(task, policy))
 
 
 def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
@@ -151,11 +145,6 @@ def to_torch_script(task: DeploymentTask, policy: Policy) -> bytes:
         facts = json.dumps(metadata(task, policy), sort_keys=True)
         torch.jit.save(torch.jit.script(Network(policy).eval()), stream, _extra_files={FACTS: facts})
     return _without_sources(stream.getvalue())
-
-
-def write_torch_script(path: Path, task: DeploymentTask, policy: Policy) -> None:
-    """Write the TorchScript archive of a policy, whole or not at all."""
-    atomic.write_bytes(path, to_torch_script(task, policy))
 
 
 def read_torch_script(path: Path) -> tuple[Any, dict[str, Any]]:

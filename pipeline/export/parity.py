@@ -24,13 +24,13 @@ from pipeline.files.npz import NpzCaps, read_npz_header
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.run import run
+from pipeline.simulation.sensors import DOWN_W
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 SECONDS = 1.0
 COMMAND = (0.6, -0.2, 0.3)
 """Forward and lateral velocity [m/s] and yaw rate [rad/s]; three different numbers, so that a swap shows."""
 CAPS = NpzCaps(members=50, member_bytes=100_000_000, total_bytes=100_000_000, ratio=1_000)
-DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,16 +58,10 @@ def golden_vectors(robot: Robot, task: DeploymentTask, policy: Policy) -> Golden
     plant = MujocoPlant(robot, MujocoOptions())
     motors = PdControl(kp=task.kp, kd=task.kd, envelope=TorqueEnvelope(limit=robot.torque_limit))
     walked = run(robot, plant, PolicyController(task, policy), motors, ramp, SECONDS, wrench_every=10_000)
-    at = slice(None, None, walked.control_steps)
-    return replay(
-        task,
-        policy,
-        gyro_b=walked.qvel[at, 3:6],
-        gravity_b=rotation.rotate_inverse(walked.qpos[at, 3:7], np.broadcast_to(DOWN_W, walked.qpos[at, :3].shape)),
-        command=walked.command,
-        joint_pos=walked.qpos[at, 7:],
-        joint_vel=walked.qvel[at, 6:],
-    )
+    qpos, qvel = (values[:: walked.control_steps] for values in (walked.qpos, walked.qvel))
+    gravity_b = rotation.rotate_inverse(qpos[:, 3:7], np.broadcast_to(DOWN_W, (len(qpos), 3)))
+    readings = {"gyro_b": qvel[:, 3:6], "gravity_b": gravity_b, "joint_pos": qpos[:, 7:], "joint_vel": qvel[:, 6:]}
+    return replay(task, policy, command=walked.command, **readings)
 
 
 def ramp(time_s: float) -> Float[np.ndarray, " 3"]:
@@ -106,9 +100,9 @@ def read_golden(path: Path) -> GoldenVectors:
         problem = f"has no golden vectors: no table of numbers is {', '.join(missing)}."
         raise FileError(path, problem, "Export the policy again.")
     arrays = {name: header.array(name) for name in names}
-    bad = [name for name, values in arrays.items() if not np.isfinite(values).all()]
+    bad = ", ".join(name for name, values in arrays.items() if not np.isfinite(values).all())
     if bad or len({len(values) for values in arrays.values()}) != 1:
-        problem = f"has {'numbers that are not finite in ' + ', '.join(bad) if bad else 'arrays of unequal length'}."
+        problem = f"has {f'numbers that are not finite in {bad}' if bad else 'arrays of unequal length'}."
         raise FileError(path, problem, "Export the policy again.")
     return GoldenVectors(**arrays)
 

@@ -5,14 +5,12 @@ velocity, and does not when it gives next to nothing of it. Between two answers 
 flicker of its enable, for longer and with the joint far from its target a loss of authority.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from pipeline import time_series
-from pipeline.actuators import JointActuator
+from pipeline.actuators.adapted_robot import JointActuator
 from pipeline.failures.failure import DAMPED, MOTORS_OFF, Failure
 from pipeline.failures.held import Excuse
 from pipeline.failures.motors import asked_torque
@@ -98,21 +96,10 @@ def damped_after(signals: Signals, falls: Sequence[Failure], settings: Authority
         if own:
             inside = np.concatenate([stiff[start:stop] for start, stop in own])
             begins, ends = float(trial.time_s[own[0][0]]), float(trial.time_s[own[-1][1] - 1])
-            found.append(_damped(signals, begins, ends, float(inside.mean() / max(usual, 1e-9))))
+            share = float(inside.mean() / max(usual, 1e-9))
+            evidence = {"torque by stiffness over the usual": share, "seconds": ends - begins}
+            found.append(signals.failure("damped", begins, ends, confidence=0.95, excuse=DAMPED, evidence=evidence))
     return found
-
-
-def _damped(signals: Signals, start_s: float, stop_s: float, share: float) -> Failure:
-    forward, lateral, yaw = signals.command[signals.at(start_s)].tolist()
-    return Failure(
-        kind="damped",
-        time_s=start_s,
-        until_s=stop_s,
-        command=(forward, lateral, yaw),
-        confidence=0.95,
-        excuse=DAMPED,
-        evidence={"torque by stiffness over the usual": share, "seconds": stop_s - start_s},
-    )
 
 
 def _between(dead: np.ndarray, alive: np.ndarray) -> list[tuple[int, int]]:
@@ -145,13 +132,11 @@ def _failure(
     trial = signals.trial
     start, stop = min(each[0] for each in group), max(each[1] for each in group)
     joints = [each[2] for each in group]
-    forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[start]))].tolist()
     inside = (slice(start, stop), joints)
-    return Failure(
-        kind="authority_loss" if group[0][3] else "motor_flicker",
-        time_s=float(trial.time_s[start]),
-        until_s=float(trial.time_s[stop - 1]),
-        command=(forward, lateral, yaw),
+    return signals.failure(
+        "authority_loss" if group[0][3] else "motor_flicker",
+        trial.time_s[start],
+        trial.time_s[stop - 1],
         joint=trial.joint_names[joints[0]] if len(joints) == 1 else "",
         confidence=0.9,
         excuse=MOTORS_OFF,

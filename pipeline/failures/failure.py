@@ -1,7 +1,5 @@
 """One thing that went wrong in a log: what, when, under which command, by which evidence, how surely."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -73,7 +71,7 @@ class Failure:
         return {**asdict(self), "command": list(self.command)}
 
     @staticmethod
-    def from_dict(value: dict[str, Any]) -> Failure:
+    def from_dict(value: dict[str, Any]) -> "Failure":
         """The failure that `to_dict` was called on."""
         return Failure(**{**value, "command": tuple(value["command"])})
 

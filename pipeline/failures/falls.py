@@ -1,7 +1,5 @@
 """Falls, from the attitude and from the robot's own fall state, the signals before them; stumbles and slipping feet."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline import time_series
@@ -29,12 +27,10 @@ def falls(
     tipped = [start for start in tipped if start > upright[0]]
     starts = [(start, True) for start in _apart(signals, tipped)]
     near, flags = settings.flag_s, [flag for flag in _flags(signals) if flag > upright[0]]
-    starts += [(flag, False) for flag in flags if all(abs(_gap(signals, flag, one)) > near for one in tipped)]
+    starts += [
+        (flag, False) for flag in flags if all(abs(signals.time_s[flag] - signals.time_s[one]) > near for one in tipped)
+    ]
     return [_fall(signals, *each, settings, excused, excuse) for each in sorted(starts)]
-
-
-def _gap(signals: Signals, one: int, other: int) -> float:
-    return float(signals.time_s[one] - signals.time_s[other])
 
 
 def _apart(signals: Signals, tipped: list[int]) -> list[int]:
@@ -76,12 +72,10 @@ def _fall(
     pushed = push_before(signals, onset, start, settings)
     if pushed is not None:
         evidence |= {"cause": "push", "push [m/s]": pushed}
-    forward, lateral, yaw = signals.command[onset].tolist()
-    return Failure(
-        kind="fall",
-        time_s=time_s,
-        until_s=float(signals.time_s[start]),
-        command=(forward, lateral, yaw),
+    return signals.failure(
+        "fall",
+        time_s,
+        signals.time_s[start],
         direction=direction_of(signals, onset, start),
         confidence=BOTH if by_attitude and flagged else ATTITUDE_ALONE if by_attitude else FLAG_ALONE,
         excuse=excuse_at(time_s, excused, excuse) or excuse_at(float(signals.time_s[start]), excused, excuse),
@@ -140,16 +134,10 @@ def stumbles(signals: Signals, settings: StumbleSettings, until_s: float) -> lis
             continue
         tilt, turning = float(signals.tilt_deg[start:stop].max()), float(rate[start:stop].max())
         over = max(tilt / settings.tilt_deg, turning / settings.rate)
-        forward, lateral, yaw = signals.command[start].tolist()
+        evidence = {"largest tilt [deg]": tilt, "roll and pitch rate [rad/s]": turning}
+        confidence = min(0.7 + 0.5 * (over - 1.0), 0.95)
         found.append(
-            Failure(
-                kind="stumble",
-                time_s=time_s,
-                until_s=float(signals.time_s[stop - 1]),
-                command=(forward, lateral, yaw),
-                confidence=min(0.7 + 0.5 * (over - 1.0), 0.95),
-                evidence={"largest tilt [deg]": tilt, "roll and pitch rate [rad/s]": turning},
-            )
+            signals.failure("stumble", time_s, signals.time_s[stop - 1], confidence=confidence, evidence=evidence)
         )
     return found
 
@@ -198,12 +186,10 @@ def _slip(signals: Signals, settings: SlipSettings, start: int, stop: int, share
     within = slice(max(start - half, 0), stop + half)
     firm = standing_feet(signals)[within]
     speed = np.where(firm, signals.sole_speed[within], 0.0)
-    forward, lateral, yaw = signals.command[start].tolist()
-    return Failure(
-        kind="slip",
-        time_s=float(signals.time_s[start]),
-        until_s=float(signals.time_s[stop - 1]),
-        command=(forward, lateral, yaw),
+    return signals.failure(
+        "slip",
+        signals.time_s[start],
+        signals.time_s[stop - 1],
         confidence=min(0.7 + 0.3 * (share / settings.share - 1.0), 0.95),
         evidence={"share of the time": share, "fastest bearing sole [m/s]": float(speed.max())},
     )

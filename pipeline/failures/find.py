@@ -1,14 +1,12 @@
 """Everything that went wrong in a trial, in the order of time."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
 from pipeline import time_series
-from pipeline.actuators import JointActuator
+from pipeline.actuators.adapted_robot import JointActuator
 from pipeline.failures.authority import OF_LEGS, damped_after, motor_outages, outage_excuses
 from pipeline.failures.failure import DAMPED, HELD, Failure
 from pipeline.failures.falls import falls, slips, stumbles

@@ -1,7 +1,5 @@
 """When a robot was in a person's hands or stopped by its operator: what it did then is no failure of its policy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,22 +42,11 @@ def excuse_failures(signals: Signals, found: tuple[Excuse, ...]) -> list[Failure
     """The intervals themselves, reported as `held` and `stopped`."""
     kinds = {HELD: "held", STOPPED: "stopped"}
     return [
-        Failure(
-            kind=kinds[each.why],
-            time_s=each.start_s,
-            until_s=each.stop_s,
-            command=_command(signals, each.start_s),
-            confidence=0.95,
-            excuse=each.why,
-            evidence=each.evidence,
+        signals.failure(
+            kinds[each.why], each.start_s, each.stop_s, confidence=0.95, excuse=each.why, evidence=each.evidence
         )
         for each in found
     ]
-
-
-def _command(signals: Signals, time_s: float) -> tuple[float, float, float]:
-    forward, lateral, yaw = signals.command[signals.at(time_s)].tolist()
-    return forward, lateral, yaw
 
 
 def _held(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:

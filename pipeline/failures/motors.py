@@ -1,13 +1,12 @@
 """Failures of motors: less torque than commanded, more speed than allowed, heat, lost packets."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from pipeline import time_series
-from pipeline.actuators import JointActuator, log_envelope
+from pipeline.actuators.adapted_robot import JointActuator
+from pipeline.actuators.log_envelope import log_envelope
 from pipeline.failures.failure import Failure
 from pipeline.failures.falls import window_sum, windows_over
 from pipeline.failures.settings import HeatSettings, PacketSettings, SpeedSettings, TorqueSettings
@@ -86,15 +85,13 @@ def _saturation(
         return None
     first = int(np.argmax(short)) if weak else windows[0][0]
     last = len(short) - 1 - int(np.argmax(short[::-1])) if weak else windows[-1][1] - 1
-    forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[first]))].tolist()
     seconds = float(short.sum() / trial.rate_hz)
-    return Failure(
-        kind="torque_saturation",
-        time_s=float(trial.time_s[first]),
-        until_s=float(trial.time_s[last]),
-        command=(forward, lateral, yaw),
+    return signals.failure(
+        "torque_saturation",
+        trial.time_s[first],
+        trial.time_s[last],
         joint=actuator.joint,
-        confidence=float(np.clip(0.95 - 3.0 * spread * min(1.0, 0.5 / seconds), 0.5, 0.95)),
+        confidence=np.clip(0.95 - 3.0 * spread * min(1.0, 0.5 / seconds), 0.5, 0.95),
         evidence={
             "given_n_m": level,
             "limit_n_m": limit,
@@ -117,13 +114,11 @@ def speed_saturations(
     for joint, actuator in enumerate(actuators):
         fast = (speed[:, joint] > settings.ratio * actuator.box_velocity_limit) & used
         for start, stop, share in windows_over(fast, settings.share, settings.window_s, trial.rate_hz)[:1]:
-            forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[start]))].tolist()
             found.append(
-                Failure(
-                    kind="speed_saturation",
-                    time_s=float(trial.time_s[start]),
-                    until_s=float(trial.time_s[stop - 1]),
-                    command=(forward, lateral, yaw),
+                signals.failure(
+                    "speed_saturation",
+                    trial.time_s[start],
+                    trial.time_s[stop - 1],
                     joint=actuator.joint,
                     confidence=min(0.7 + 0.2 * (share / settings.share - 1.0), 0.95),
                     evidence={
@@ -145,13 +140,11 @@ def hot_motors(signals: Signals, settings: HeatSettings) -> list[Failure]:
         hot = _long(temperature[:, joint] >= settings.temperature_c, settings.rise_s, trial.rate_hz)
         if hot.any():
             first = int(np.argmax(hot))
-            forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[first]))].tolist()
             found.append(
-                Failure(
-                    kind="overheating",
-                    time_s=float(trial.time_s[first]),
-                    until_s=float(trial.time_s[len(hot) - 1 - int(np.argmax(hot[::-1]))]),
-                    command=(forward, lateral, yaw),
+                signals.failure(
+                    "overheating",
+                    trial.time_s[first],
+                    trial.time_s[len(hot) - 1 - int(np.argmax(hot[::-1]))],
                     joint=name,
                     confidence=0.95,
                     evidence={
@@ -173,21 +166,11 @@ def lost_packets(signals: Signals, settings: PacketSettings) -> list[Failure]:
     for start, stop in time_series.runs(np.any(rate > settings.lost_hz, axis=1)):
         worst = int(rate[start:stop].max(axis=0).argmax())
         evidence = {"packets lost a second": float(rate[start:stop].max())}
-        found.append(_loss(signals, trial.time_s[start], trial.time_s[stop - 1], evidence, trial.joint_names[worst]))
+        start_s, stop_s, joint = trial.time_s[start], trial.time_s[stop - 1], trial.joint_names[worst]
+        found.append(signals.failure("packet_loss", start_s, stop_s, confidence=0.95, joint=joint, evidence=evidence))
     for gap in trial.gaps:
-        if gap.stop_s - gap.start_s > settings.gap_s:
-            found.append(_loss(signals, gap.start_s, gap.stop_s, {"silence [s]": gap.stop_s - gap.start_s}))
+        silence_s = gap.stop_s - gap.start_s
+        if silence_s > settings.gap_s:
+            evidence = {"silence [s]": silence_s}
+            found.append(signals.failure("packet_loss", gap.start_s, gap.stop_s, confidence=0.95, evidence=evidence))
     return found
-
-
-def _loss(signals: Signals, start_s: float, stop_s: float, evidence: dict[str, float], joint: str = "") -> Failure:
-    forward, lateral, yaw = signals.command[signals.at(float(start_s))].tolist()
-    return Failure(
-        kind="packet_loss",
-        time_s=float(start_s),
-        until_s=float(stop_s),
-        command=(forward, lateral, yaw),
-        joint=joint,
-        confidence=0.95,
-        evidence=dict(evidence),
-    )

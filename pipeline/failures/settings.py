@@ -1,7 +1,5 @@
 """What counts as a failure, as `data/failures.yaml` states it; there stand the values and their sources."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -7,16 +7,16 @@ The digest is one of each half second of absolute time: samples are on a grid th
 that is torn, split, stored otherwise or without its beginning has the same digests wherever its bytes are whole.
 """
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.errors import PipelineError
+from pipeline.failures.failure import Failure
 from pipeline.hardware_logs.regular import LOST
 from pipeline.hardware_logs.trial import ROUNDING_S, Trial
 from pipeline.physics import GRAVITY
@@ -78,6 +78,18 @@ class Signals:
         """Index of the sample at a time."""
         return int(np.clip(np.searchsorted(self.time_s, time_s), 0, len(self.time_s) - 1))
 
+    def failure(self, kind: str, start_s: float, stop_s: float, *, confidence: float, **more: Any) -> Failure:
+        """A failure between two times [s], under the command at the first."""
+        forward, lateral, yaw = self.command[self.at(float(start_s))].tolist()
+        return Failure(
+            kind=kind,
+            time_s=float(start_s),
+            until_s=float(stop_s),
+            command=(forward, lateral, yaw),
+            confidence=float(confidence),
+            **more,
+        )
+
 
 def signals_of(trial: Trial, robot: Robot) -> Signals:
     """Work out the signals. Raises RobotMismatchError for a trial of other joints."""
@@ -132,9 +144,8 @@ def _filled(values: np.ndarray, finite: np.ndarray) -> np.ndarray:
 
 
 def _quat(rpy: np.ndarray) -> np.ndarray:
-    axes = np.eye(3)
-    roll, pitch, yaw = (rotation.from_axis_angle(axes[index], rpy[:, index]) for index in range(3))
-    return rotation.multiply(rotation.multiply(yaw, pitch), roll)
+    roll, pitch, yaw = rpy.T
+    return rotation.from_euler([(2, yaw), (1, pitch), (0, roll)])
 
 
 def _feet(

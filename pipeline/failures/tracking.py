@@ -1,7 +1,5 @@
 """Commanded against achieved velocity, over stretches of steady command; and a delay that would explain it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline import time_series
@@ -36,29 +34,25 @@ def tracking_divergences(signals: Signals, settings: TrackingSettings, until_s: 
         axis = int(np.argmax(over))
         if over[axis] <= 1.0:
             continue
-        forward, lateral, yaw = command.tolist()
+        delay, gain = delay_and_gain(signals, settings, start, stop)
+        evidence: dict[str, float | bool | str] = {
+            "commanded": float(command[axis]),
+            "achieved": float(mean[axis]),
+            "delay [s]": delay,
+            "gain over the one sent": gain,
+            **({"cause": "delay"} if delay > settings.delay_s else {}),
+        }
         found.append(
-            Failure(
-                kind="tracking",
-                time_s=float(signals.time_s[start]),
-                until_s=float(signals.time_s[stop - 1]),
-                command=(forward, lateral, yaw),
+            signals.failure(
+                "tracking",
+                signals.time_s[start],
+                signals.time_s[stop - 1],
                 direction=AXES[axis],
-                confidence=float(min(0.7 + 0.5 * (over[axis] - 1.0), 0.95)),
-                evidence={
-                    "commanded": float(command[axis]),
-                    "achieved": float(mean[axis]),
-                    **_cause(signals, settings, start, stop),
-                },
+                confidence=min(0.7 + 0.5 * (over[axis] - 1.0), 0.95),
+                evidence=evidence,
             )
         )
     return found
-
-
-def _cause(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> dict[str, float | bool | str]:
-    delay, slope = delay_and_gain(signals, settings, start, stop)
-    evidence: dict[str, float | bool | str] = {"delay [s]": delay, "gain over the one sent": slope}
-    return {**evidence, "cause": "delay"} if delay > settings.delay_s else evidence
 
 
 def delay_and_gain(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> tuple[float, float]:
@@ -67,7 +61,7 @@ def delay_and_gain(signals: Signals, settings: TrackingSettings, start: int, sto
     The law is torque = kp (target - position) - kd velocity; the target is late, the joint's state is not.
     """
     trial = signals.trial
-    joints = [index for index, name in enumerate(trial.joint_names) if _moves(trial.target_pos[:, index])]
+    joints = np.flatnonzero(np.nanstd(np.asarray(trial.target_pos, dtype=float), axis=0) > 1e-3)  # that are commanded
     rows = np.arange(start * signals.every, min(stop * signals.every, len(trial.time_s)))
     torque = np.asarray(trial.torque_est, dtype=float)[rows][:, joints]
     state = -trial.kp * trial.joint_pos - trial.kd * trial.joint_vel
@@ -81,8 +75,3 @@ def delay_and_gain(signals: Signals, settings: TrackingSettings, start: int, sto
         if left < best:
             best, found = left, (late / trial.rate_hz, slope)
     return found
-
-
-def _moves(target: np.ndarray) -> bool:
-    """Whether a joint is commanded at all."""
-    return bool(np.nanstd(np.asarray(target, dtype=float)) > 1e-3)

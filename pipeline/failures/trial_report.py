@@ -4,8 +4,6 @@
 than what counts as a failure of a robot, and the simulation has quantities that a log has no sensor for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -62,16 +60,11 @@ class TrialReport:
         }
 
     @staticmethod
-    def from_dict(value: dict[str, Any]) -> TrialReport:
+    def from_dict(value: dict[str, Any]) -> "TrialReport":
         """The report that `to_dict` was called on."""
-        return TrialReport(
-            **{
-                **value,
-                "commands": tuple(tuple(each) for each in value["commands"]),
-                "failures": tuple(Failure.from_dict(each) for each in value["failures"]),
-                "notes": tuple(value["notes"]),
-            }
-        )
+        commands = tuple(tuple(each) for each in value["commands"])
+        failures = tuple(Failure.from_dict(each) for each in value["failures"])
+        return TrialReport(**{**value, "commands": commands, "failures": failures, "notes": tuple(value["notes"])})
 
 
 KIND_OF = {
@@ -120,7 +113,6 @@ def _same(failure: Failure, kind: str, bar: MissedBar, last_s: float) -> bool:
 
 
 def _failure(signals: Signals, kind: str, bar: MissedBar, last_s: float) -> Failure:
-    forward, lateral, yaw = signals.command[signals.at(bar.from_s)].tolist()
     evidence: dict[str, float | bool | str] = {
         "figure": bar.figure,
         "got": bar.got,
@@ -132,13 +124,7 @@ def _failure(signals: Signals, kind: str, bar: MissedBar, last_s: float) -> Fail
     if bar.axis:
         evidence |= {"commanded": bar.commanded, "achieved": bar.achieved}
     over = abs(bar.got - bar.asked) / bar.asked if bar.asked > 0.0 else 1.0
-    return Failure(
-        kind=kind,
-        time_s=bar.from_s,
-        until_s=last_s,
-        command=(forward, lateral, yaw),
-        confidence=min(LEAST + 0.5 * over, MOST),
-        joint=bar.joint,
-        direction=bar.axis,
-        evidence=evidence,
+    confidence = min(LEAST + 0.5 * over, MOST)
+    return signals.failure(
+        kind, bar.from_s, last_s, confidence=confidence, joint=bar.joint, direction=bar.axis, evidence=evidence
     )

@@ -1,7 +1,7 @@
 """The motion that a rollout tracked, brought to the rollout's frames.
 
 A rollout of KP4 names its reference among the clips (`reference`) and the frame it begins at. For a recorded rollout
-the catalogue names the motion by content (`tracks_content`, pipeline.readers.tracked); both begin together. Where a
+the catalogue names the motion by content (`tracks_content`, pipeline.readers.listing); both begin together. Where a
 window, a piece or a variant of a recording is evaluated, the reference is sampled at the same times and mirrored alike.
 """
 

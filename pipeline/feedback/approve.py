@@ -4,8 +4,6 @@ The digest ties the answer to what was reviewed. Approved changes are in `data/f
 `declined.yaml` beside it; what was declined is not asked again while its evidence is the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +34,7 @@ class FeedbackFiles:
     declined: Path
 
     @staticmethod
-    def of(root: Path) -> FeedbackFiles:
+    def of(root: Path) -> "FeedbackFiles":
         """The files of the project in `root`."""
         data = root / "data"
         return FeedbackFiles(

@@ -5,8 +5,6 @@ that was reviewed and has a digest of its own changes: one that was edited by ha
 section leaves the others as they are.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
@@ -95,22 +93,17 @@ def read_approvals(path: Path, rules: FeedbackRules) -> Approvals:
     try:
         entries = settings.read(path, ApprovalFile).approvals
         for place, entry in enumerate(entries):
-            strange = [
-                name for name in (entry.section, *(each.section for each in entry.changes)) if name not in SECTIONS
-            ]
-            strange += [each.section for each in entry.changes if each.section != entry.section]
+            named = (entry.section, *(each.section for each in entry.changes))
+            strange = [name for name in named if name not in SECTIONS or name != entry.section]
             if strange:
                 problem = f"approvals[{place}] of '{entry.section}' has the section '{strange[0]}'"
                 raise SettingsError(path, f"{problem}, there are: {', '.join(SECTIONS)}.")
     except (SettingsError, OSError) as error:
-        return Approvals(faults=dict.fromkeys(SECTIONS, _unreadable(path, error)))
+        what = str(error) if isinstance(error, SettingsError) else f"{path}: {error.strerror}."
+        fault = PipelineError(f"{what} Mend it, or delete it and approve again: without it nothing is approved.")
+        return Approvals(faults=dict.fromkeys(SECTIONS, fault))
     faults = {section: _fault(path, section, entries, rules) for section in SECTIONS}
     return Approvals(entries=entries, faults={section: fault for section, fault in faults.items() if fault})
-
-
-def _unreadable(path: Path, error: SettingsError | OSError) -> PipelineError:
-    sentence = str(error) if isinstance(error, SettingsError) else f"{path}: {error.strerror}."
-    return PipelineError(f"{sentence} Mend it, or delete it and approve again: without it nothing is approved.")
 
 
 def _fault(path: Path, section: str, entries: Sequence[SectionApproval], rules: FeedbackRules) -> SettingsError | None:

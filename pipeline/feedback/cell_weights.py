@@ -12,8 +12,6 @@ proportional fitting). Where the clips do not allow that, or no second may weigh
 compared with the rest and the shares that were reached are reported.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -22,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.actuators import BoxLimits, JointActuator, dc_motor_line
+from pipeline.actuators.adapted_robot import BoxLimits, JointActuator, dc_motor_line
 from pipeline.feasibility.balance import BalanceSettings
 from pipeline.feasibility.command_space import CommandSettings, by_command, cell_of
 from pipeline.feedback.change import Change, ChangeError

@@ -1,7 +1,5 @@
 """A bounded change and the logs it rests on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

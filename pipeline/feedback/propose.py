@@ -6,8 +6,6 @@ those are is asked after trust, so that a copy that cannot count takes nothing f
 of one policy count once: a validation of more cells, or another one, moves no number further.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,7 +18,8 @@ from pipeline.feasibility.command_space import VELOCITIES, CommandSettings, cell
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
 from pipeline.feedback.trust import CountedTrial, NamedBy, Pair, doubt_of, grouped, recorded, trusted, witnesses_of
-from pipeline.selection.skills import SKILLS, SkillBounds, distances
+from pipeline.selection import SKILLS
+from pipeline.selection.skills import SkillBounds, distances
 
 STANDING, OF_STEPS = "stand", (TIME_SCALE, "step_length", "foot_lift")
 """Kinds of perturbation that standing has nothing of."""

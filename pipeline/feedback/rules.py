@@ -1,7 +1,5 @@
 """How far failures may move what is curated. `data/feedback_rules.yaml` has the values and their sources."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -3,8 +3,6 @@
 The twin is the robot as it is calibrated, so what differs is what the calibration does not know.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -12,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.actuators import JointActuator, torque_envelope
+from pipeline.actuators.adapted_robot import JointActuator, torque_envelope
 from pipeline.deployment import Policy, PolicyController, policy_task
 from pipeline.failures.failure import Failure
 from pipeline.failures.settings import FailureSettings
@@ -143,44 +141,26 @@ def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float,
 
 def _cycles(trial: Trial, rollout: Rollout, start_s: float, stop_s: float, notes: list[str]) -> tuple[Comparison, ...]:
     found, legs = [], legs_of(rollout.robot)
+    rate_hz, times_s = 1.0 / rollout.timestep_s, slice(start_s, stop_s)
     for side, joints in zip(SIDES, zip(legs.hip_pitch, legs.knee, strict=True), strict=True):
         try:
-            reference = limit_cycle(_series(f"MuJoCo {side}", rollout, joints, start_s, stop_s))
-            logged = _logged(f"{trial.name} {side}", trial, joints, start_s, stop_s)
-            found.append(compare(reference, limit_cycle(logged)))
+            reference = _series(f"MuJoCo {side}", joints, rate_hz, rollout.qpos[:, 7:], rollout.qvel[:, 6:], times_s)
+            logged = _series(f"{trial.name} {side}", joints, trial.rate_hz, trial.joint_pos, trial.joint_vel, times_s)
+            found.append(compare(limit_cycle(reference), limit_cycle(logged)))
         except NoCycleError as error:
             notes.append(str(error))
     return tuple(found)
 
 
-def _series(name: str, rollout: Rollout, joints: tuple[int, int], start_s: float, stop_s: float) -> JointSeries:
-    rate = 1.0 / rollout.timestep_s
-    return _cut(name, joints, rate, rollout.qpos[:, 7:], rollout.qvel[:, 6:], start_s, stop_s)
-
-
-def _logged(name: str, trial: Trial, joints: tuple[int, int], start_s: float, stop_s: float) -> JointSeries:
-    position, velocity = (np.asarray(array, dtype=float) for array in (trial.joint_pos, trial.joint_vel))
-    return _cut(name, joints, trial.rate_hz, position, velocity, start_s, stop_s)
-
-
-def _cut(
-    name: str,
-    joints: tuple[int, int],
-    rate: float,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    start_s: float,
-    stop_s: float,
+def _series(
+    name: str, joints: tuple[int, int], rate_hz: float, position: np.ndarray, velocity: np.ndarray, times_s: slice
 ) -> JointSeries:
+    """Hip and knee between two times [s] of all joints' positions and velocities (t, j)."""
     hip, knee = joints
-    kept = slice(round(start_s * rate), round(stop_s * rate))
+    kept = slice(round(times_s.start * rate_hz), round(times_s.stop * rate_hz))
+    q, dq = np.asarray(position[kept], dtype=float), np.asarray(velocity[kept], dtype=float)
     return JointSeries(
-        name=name,
-        rate_hz=float(rate),
-        hip=position[kept, hip],
-        knee=position[kept, knee],
-        hip_vel=velocity[kept, hip],
-        knee_vel=velocity[kept, knee],
+        name=name, rate_hz=float(rate_hz), hip=q[:, hip], knee=q[:, knee], hip_vel=dq[:, hip], knee_vel=dq[:, knee]
     )
 
 

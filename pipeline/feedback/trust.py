@@ -13,8 +13,6 @@ one kind that walk with one policy at the same time are counted once, and so are
 beside a short copy that fits both. In doubt it counts less, not more.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence

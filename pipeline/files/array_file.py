@@ -84,6 +84,16 @@ class ArrayFile(ABC):
             raise FileError(self.path, f"'{name}' is not one finite number.")
         return float(value.reshape(-1)[0])
 
+    def optional_number(self, *names: str) -> float | None:
+        """The number under the first of the names that is there."""
+        name = self.first(*names)
+        return None if name is None else self.number(name)
+
+    def optional_texts(self, *names: str) -> tuple[str, ...] | None:
+        """The list of names under the first of the names that is there."""
+        name = self.first(*names)
+        return None if name is None else self.texts(name)
+
     def texts(self, name: str) -> tuple[str, ...]:
         """A list of names."""
         value = self.array(name)

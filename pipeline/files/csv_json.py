@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
 from pipeline.errors import FileError
+from pipeline.files import atomic
 from pipeline.files.settings import DECIMAL
 
 MAX_BYTES = 50_000_000
@@ -86,6 +87,21 @@ def read_json(path: Path, what: str = "JSON", do: str = "") -> Any:
         return json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise FileError(path, f"not {what} ({error}).", do) from error
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value with sorted keys, whole or not at all. Raises ValueError for NaN and infinities."""
+    atomic.write_text(path, json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n")
+
+
+def without_nan(value: Any) -> Any:
+    """A value as JSON types: None in place of NaN and infinities, Python's numbers in place of numpy's."""
+    if isinstance(value, Mapping):
+        return {str(key): without_nan(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(each) for each in value]
+    plain = value.item() if hasattr(value, "item") else value
+    return None if isinstance(plain, float) and not math.isfinite(plain) else plain
 
 
 def _refuse(text: str) -> NoReturn:

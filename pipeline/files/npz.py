@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import errno
 import lzma
+import pickle
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -20,17 +22,15 @@ from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.array_file import ArrayFile
 
-DAMAGED_NPZ = (
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
-    EOFError,
-    OSError,
-    ValueError,
-    RuntimeError,
-)
+DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError, RuntimeError)
 """Of zipfile, the decompressors that it uses and NumPy, for archives that are broken, encrypted or packed in a way of
 their own; none of them is a FileError."""
+
+DAMAGED_FILE = (
+    *(ArithmeticError, AssertionError, AttributeError, LookupError, NameError, TypeError),
+    *(struct.error, pickle.UnpicklingError, *DAMAGED_NPZ),
+)
+"""What libraries raise while they read a damaged pickle or C3D file; an OSError of the disk is raised again."""
 
 OF_THE_FILE = (None, errno.EINVAL)
 """Error numbers of an OSError that a damaged archive causes: bz2 states none, a seek to before the start is invalid."""
@@ -81,7 +81,7 @@ class NpzHeader(ArrayFile):
                 return _read_member(archive, name)
         except DAMAGED_NPZ as error:
             raise_fault_of_disk(error)
-            raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
+            raise FileError(self.path, f"'{name}' can't be read: {first_words(str(error))}.") from error
 
 
 def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
@@ -99,7 +99,8 @@ def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
             check_sizes(path, archive.infolist(), caps)
             for info in archive.infolist():
                 name = info.filename.removesuffix(".npy")
-                shape, dtype = _member(archive, info)
+                with archive.open(info) as stream:
+                    shape, _, dtype = _header(stream)
                 if dtype.hasobject:
                     objects.append(name)
                 elif int(np.prod(shape, dtype=object)) * dtype.itemsize > info.file_size:
@@ -109,13 +110,13 @@ def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
                     numeric |= {name} if dtype.kind in "fiub" else set()
     except DAMAGED_NPZ as error:
         raise_fault_of_disk(error)
-        raise FileError(path, f"it is not a NumPy archive that can be read: {_short(error)}.") from error
+        raise FileError(path, f"it is not a NumPy archive that can be read: {first_words(str(error))}.") from error
     return NpzHeader(path=path, shapes=shapes, objects=tuple(objects), numeric=frozenset(numeric))
 
 
-def _short(error: Exception) -> str:
-    """An error's first words; zipfile prints whole members."""
-    return " ".join(str(error)[:120].encode("ascii", "replace").decode().split())
+def first_words(text: str) -> str:
+    """The beginning of an error's text in ASCII; zipfile prints whole members."""
+    return " ".join(text[:120].encode("ascii", "replace").decode().split())
 
 
 def check_sizes(path: Path, members: list[zipfile.ZipInfo], caps: NpzCaps) -> None:
@@ -130,13 +131,6 @@ def check_sizes(path: Path, members: list[zipfile.ZipInfo], caps: NpzCaps) -> No
     total = sum(info.file_size for info in members)
     if total > caps.total_bytes:
         raise FileError(path, f"the archive inflates to {total} bytes, more than the {caps.total_bytes} allowed.")
-
-
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> tuple[tuple[int, ...], np.dtype]:
-    """Shape and type of one array, from its header."""
-    with archive.open(info) as stream:
-        shape, _, dtype = _header(stream)
-    return shape, dtype
 
 
 def _header(stream: page_memory.Readable) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -7,7 +7,7 @@ character that could mean something is written as a character reference, which a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 _PLAIN = re.compile(r"[^A-Za-z0-9 .,:/\-\u00a0-\U0010ffff]")
 """What is not shown as it is: punctuation of ASCII and control characters."""
@@ -43,6 +43,13 @@ def plain(value: object, most: int | None = None) -> str:
 def markdown_list(texts: Iterable[object], none: str = "none") -> str:
     """Texts as a list in Markdown; `none` where there are none."""
     return "\n".join(f"- {escaped(text)}" for text in texts) or none
+
+
+def markdown_table(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+    """A table in Markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    cells = [[text if text == "---" else escaped(text) for text in line] for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
 
 
 def decodable(text: str) -> str:

@@ -34,11 +34,6 @@ def columns_of(name: str) -> slice:
     return slice(3 + 3 * index, 6 + 3 * index)
 
 
-def write(motion: Motion) -> str:
-    """The whole file."""
-    return to_text(channels(motion), motion.fps)
-
-
 def to_text(block: Float[np.ndarray, "t c"], fps: float) -> str:
     """A BVH file of this skeleton with the given motion block, at a rate [Hz]."""
     lines = ["HIERARCHY", *_hierarchy("Hips", 0), "MOTION", f"Frames: {len(block)}", f"Frame Time: {1.0 / fps:.9f}"]

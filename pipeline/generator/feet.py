@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 
 from pipeline.generator import gait, skeleton
 from pipeline.generator.command import Commands, Recipe
-from pipeline.generator.footsteps import Stance, Stride
+from pipeline.generator.footsteps import Stance
 
 
 def hermite(s: np.ndarray, duration_s: float, start: list[np.ndarray], stop: list[np.ndarray]) -> np.ndarray:
@@ -120,47 +120,28 @@ def _roll(stance: Stance, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
 def _in_swing(
     recipe: Recipe, commands: Commands, before: Stance, after: Stance, times: np.ndarray
 ) -> Float[np.ndarray, "n 6"]:
-    """The six coordinates of `_in_stance` between two stances."""
+    """The six coordinates of `_in_stance` between two stances.
+
+    The foot is ahead of the plain curve early in swing and behind it late, as people's are by a kick and a stamp;
+    without it a foot waits above the floor for the body, with a straight leg. The arc's height leaves more than 2 cm
+    below the toes, and the foot hangs while the shank is tilted forward. [judgement]
+    """
     duration_s = after.start_s - before.stop_s
     s = (times - before.stop_s) / duration_s
     start = [part[0] for part in _in_stance(before, np.array([before.stop_s]))]
     stop = [part[0] for part in _in_stance(after, np.array([after.start_s]))]
     values = hermite(s, duration_s, start, stop)
     forward = commands.held(commands.forward, before.stop_s + 0.5 * duration_s)
-    lift, dip = swing_lift(recipe.gait, forward), swing_dip(recipe.gait, forward)
-    shift = swing_lead(recipe.gait) * (_bump(s, 3, 5) - _bump(s, 5, 3))
+    runs = recipe.gait == gait.RUN
+    lift, dip = (0.07 + 0.015 * (forward - 2.0), 0.0) if runs else (0.075, 0.1 * max(forward, 0.0))  # [m], [rad]
+    shift = (0.05 if runs else 0.03) * (_bump(s, 3, 5) - _bump(s, 5, 3))
     values[:, :2] += shift[:, None] * (stop[0][:2] - start[0][:2])
     values[:, 2] += lift * _bump(s, 3, 3)
     values[:, 4] += dip * _bump(s, 3, 4)
     return values
 
 
-def swing_lift(kind: str, forward: float) -> float:
-    """Height of the ankle's arc above the plain curve [m]. [judgement: toe clearance above 2 cm]"""
-    return 0.07 + 0.015 * (forward - 2.0) if kind == gait.RUN else 0.075
-
-
-def swing_lead(kind: str) -> float:
-    """How far the foot is ahead of the plain curve early in swing and behind it late, in swing lengths [-].
-
-    It takes the foot off and brings it in quicker, which people do by a kick and a stamp; without it a foot waits above
-    the floor for the body, with a straight leg. [judgement]
-    """
-    return 0.05 if kind == gait.RUN else 0.03
-
-
-def swing_dip(kind: str, forward: float) -> float:
-    """Pitch added in swing, heel up positive [rad]: the foot hangs while the shank is tilted forward. [judgement]"""
-    return 0.0 if kind == gait.RUN else 0.1 * max(forward, 0.0)
-
-
 def _bump(s: np.ndarray, rise: int, fall: int) -> np.ndarray:
     """0 at both ends with two derivatives, 1 at its highest, s = rise/(rise+fall)."""
     top = rise / (rise + fall)
     return s**rise * (1.0 - s) ** fall / (top**rise * (1.0 - top) ** fall)
-
-
-def move_feet(recipe: Recipe, commands: Commands, stride: Stride) -> tuple[Foot, Foot]:
-    """Left and right foot."""
-    left, right = stride.stances
-    return move_foot(recipe, commands, left), move_foot(recipe, commands, right)

@@ -139,16 +139,38 @@ def _last_landing(phase: np.ndarray, figures: _Figures, start: int, stop: int) -
 def _stances(
     recipe: Recipe, commands: Commands, figures: _Figures, phase: np.ndarray, shift: float, rng: np.random.Generator
 ) -> tuple[Stance, ...]:
-    """Stances of the foot that lands `shift` strides after the left one."""
+    """Stances of the foot that lands `shift` strides after the left one.
+
+    Where a foot waits for a start or after a stop, a stance is as long as one without the wait.
+    """
     side = 1.0 if shift == 0.0 else -1.0
     stances = []
     for landing in np.arange(np.floor(phase[0]) + shift, phase[-1] + 1.0, 1.0):
         start_s = _time_of(commands, phase, figures.rate_hz, float(landing))
         if start_s == np.inf:
             break
-        stop_s = _time_of(commands, phase, figures.rate_hz, float(landing) + commands.held(figures.duty, start_s))
-        if stop_s > -np.inf:
-            stances.append(_stance(recipe, commands, figures, start_s, stop_s, side, rng))
+        duty = commands.held(figures.duty, start_s)
+        stop_s = _time_of(commands, phase, figures.rate_hz, float(landing) + duty)
+        if stop_s == -np.inf:
+            continue
+        length_s = duty / commands.held(figures.rate_hz, start_s)
+        middle_s = float(commands.times[0]) if start_s == -np.inf else start_s + 0.5 * length_s
+        jitter = float(np.clip(rng.normal(0.0, WIDTH_JITTER), -2.0 * WIDTH_JITTER, 2.0 * WIDTH_JITTER))
+        beside = side * (commands.held(figures.width, middle_s) + jitter) / 2.0
+        heading = commands.at(commands.heading, middle_s)
+        stances.append(
+            Stance(
+                start_s=start_s,
+                stop_s=stop_s,
+                x=commands.at(commands.path_w[:, 0], middle_s) - float(np.sin(heading)) * beside,
+                y=commands.at(commands.path_w[:, 1], middle_s) + float(np.cos(heading)) * beside,
+                yaw=heading + (side * TOE_OUT if recipe.gait == gait.WALK else 0.0),
+                landing_pitch=commands.held(figures.landing_pitch, start_s),
+                leaving_pitch=commands.held(figures.leaving_pitch, stop_s),
+                landing_s=LANDING_SHARE * length_s,
+                leaving_s=LEAVING_SHARE[recipe.gait] * duty / commands.held(figures.rate_hz, stop_s),
+            )
+        )
     return tuple(stances)
 
 
@@ -162,32 +184,3 @@ def _time_of(commands: Commands, phase: np.ndarray, rate_hz: np.ndarray, value: 
     high = int(np.searchsorted(phase, value, side="left"))
     fraction = (value - phase[high - 1]) / (phase[high] - phase[high - 1])
     return float(times[high - 1] + fraction / GRID_HZ)
-
-
-def _stance(
-    recipe: Recipe,
-    commands: Commands,
-    figures: _Figures,
-    start_s: float,
-    stop_s: float,
-    side: float,
-    rng: np.random.Generator,
-) -> Stance:
-    """One stance. Where a foot waits for a start or after a stop, its length is that of a stance without the wait."""
-    duty = commands.held(figures.duty, start_s)
-    length_s = duty / commands.held(figures.rate_hz, start_s)
-    middle_s = float(commands.times[0]) if start_s == -np.inf else start_s + 0.5 * length_s
-    jitter = float(np.clip(rng.normal(0.0, WIDTH_JITTER), -2.0 * WIDTH_JITTER, 2.0 * WIDTH_JITTER))
-    beside = side * (commands.held(figures.width, middle_s) + jitter) / 2.0
-    heading = commands.at(commands.heading, middle_s)
-    return Stance(
-        start_s=start_s,
-        stop_s=stop_s,
-        x=commands.at(commands.path_w[:, 0], middle_s) - float(np.sin(heading)) * beside,
-        y=commands.at(commands.path_w[:, 1], middle_s) + float(np.cos(heading)) * beside,
-        yaw=heading + (side * TOE_OUT if recipe.gait == gait.WALK else 0.0),
-        landing_pitch=commands.held(figures.landing_pitch, start_s),
-        leaving_pitch=commands.held(figures.leaving_pitch, stop_s),
-        landing_s=LANDING_SHARE * length_s,
-        leaving_s=LEAVING_SHARE[recipe.gait] * duty / commands.held(figures.rate_hz, stop_s),
-    )

@@ -34,21 +34,19 @@ def generate(recipe: Recipe) -> Generated:
     Raises ValueError for an infeasible recipe.
     """
     motion, contacts = make_motion(recipe)
-    return Generated(clip=to_clip(recipe.name, motion, contacts), bvh=bvh.write(motion))
+    return Generated(clip=to_clip(recipe.name, motion, contacts), bvh=bvh.to_text(bvh.channels(motion), motion.fps))
 
 
 def make_motion(recipe: Recipe) -> tuple[Motion, np.ndarray]:
     """Joint rotations and root of a recipe at its rate, and foot contacts (t, 2)."""
     commands = command.plan_commands(recipe)
     stride = footsteps.plan_steps(recipe, commands)
-    both_feet = feet.move_feet(recipe, commands, stride)
-    root = pelvis.move_pelvis(recipe, commands, stride, both_feet)
-    joints_w = pelvis.move_trunk(recipe, commands, stride, root.quat_w)
-    for side, foot in enumerate(both_feet):
-        name = SIDES[side]
-        joints_w[f"{name}UpLeg"], joints_w[f"{name}Leg"] = skeleton.solve_leg(
-            root.pos_w + rotation.rotate(root.quat_w, pelvis.hip_offset(side)), foot.ankle_w, foot.yaw
-        )
+    both_feet = [feet.move_foot(recipe, commands, stances) for stances in stride.stances]
+    root_pos_w, root_quat_w = pelvis.move_pelvis(recipe, commands, stride, both_feet)
+    joints_w = {"Hips": root_quat_w, **pelvis.move_trunk(recipe, commands, stride)}
+    for side, (name, foot) in enumerate(zip(SIDES, both_feet, strict=True)):
+        hip_w = root_pos_w + rotation.rotate(root_quat_w, skeleton.offset(f"{name}UpLeg"))
+        joints_w[f"{name}UpLeg"], joints_w[f"{name}Leg"] = skeleton.solve_leg(hip_w, foot.ankle_w, foot.yaw)
         joints_w[f"{name}Foot"] = skeleton.foot_orientation(foot.yaw, foot.pitch)
         joints_w[f"{name}Toe"] = skeleton.foot_orientation(foot.yaw, foot.pitch - foot.toe_bend)
         upper, fore = pelvis.move_arm(recipe, commands, stride, joints_w["Chest"], side)
@@ -58,7 +56,7 @@ def make_motion(recipe: Recipe) -> tuple[Motion, np.ndarray]:
     frames = (int(LEAD_S * GRID_HZ) + np.arange(recipe.frame_count) * GRID_HZ / recipe.fps).astype(int)
     motion = Motion(
         fps=recipe.fps,
-        root_pos_w=root.pos_w[frames],
+        root_pos_w=root_pos_w[frames],
         quat_w={joint.name: joints_w[joint.name][frames] for joint in skeleton.JOINTS},
     )
     return motion, np.stack([foot.contact[frames] for foot in both_feet], axis=-1)

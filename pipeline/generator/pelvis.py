@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -25,18 +25,22 @@ ABDUCTION = np.deg2rad(14.0)
 """Upper arms away from the body [rad]; people: 5 to 10, a little more keeps a robot's arms free."""
 
 
-def move_trunk(
-    recipe: Recipe, commands: Commands, stride: Stride, pelvis_w: Float[np.ndarray, "n 4"]
-) -> dict[str, Float[np.ndarray, "n 4"]]:
-    """World orientations wxyz of `Spine`, `Chest`, `Neck`, `Head`."""
+def _sway(recipe: Recipe, commands: Commands, stride: Stride) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Turn with the steps, list to the swing side and forward lean of the trunk (n,) [rad]."""
     turn = gait.pelvis_turn(commands.forward) * stride.activity * stride.wave()
     listing = gait.pelvis_list(recipe.gait, commands.forward) * stride.activity * stride.wave(from_midstance=True)
-    lean = gait.trunk_lean(recipe.gait, commands.forward)
-    spine = _upright(commands.heading, 0.0 * turn, 0.3 * listing, 0.7 * lean)
-    chest = _upright(commands.heading, CHEST_TURN * turn, -0.2 * listing, lean)
-    neck = _upright(commands.heading, 0.4 * turn, 0.0 * listing, 0.7 * lean)
-    head = _upright(commands.heading, 0.0 * turn, 0.0 * listing, 0.4 * lean)
-    return {"Hips": pelvis_w, "Spine": spine, "Chest": chest, "Neck": neck, "Head": head}
+    return turn, listing, gait.trunk_lean(recipe.gait, commands.forward)
+
+
+def move_trunk(recipe: Recipe, commands: Commands, stride: Stride) -> dict[str, Float[np.ndarray, "n 4"]]:
+    """World orientations wxyz of `Spine`, `Chest`, `Neck`, `Head`."""
+    turn, listing, lean = _sway(recipe, commands, stride)
+    return {
+        "Spine": _upright(commands.heading, 0.0 * turn, 0.3 * listing, 0.7 * lean),
+        "Chest": _upright(commands.heading, CHEST_TURN * turn, -0.2 * listing, lean),
+        "Neck": _upright(commands.heading, 0.4 * turn, 0.0 * listing, 0.7 * lean),
+        "Head": _upright(commands.heading, 0.0 * turn, 0.0 * listing, 0.4 * lean),
+    }
 
 
 def _upright(heading: np.ndarray, turn: np.ndarray, listing: np.ndarray, lean: np.ndarray) -> np.ndarray:
@@ -77,17 +81,15 @@ HEIGHT_WINDOW_S = 0.75
 """Half the time over which the height is levelled, longer than half a stride [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pelvis:
-    """At `GRID_HZ`, world frame."""
+def move_pelvis(
+    recipe: Recipe, commands: Commands, stride: Stride, feet: Sequence[Foot]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
+    """Positions [m] and orientations wxyz of the pelvis in the world, at `GRID_HZ`.
 
-    pos_w: Float[np.ndarray, "n 3"]
-    quat_w: Float[np.ndarray, "n 4"]
-
-
-def move_pelvis(recipe: Recipe, commands: Commands, stride: Stride, feet: tuple[Foot, Foot]) -> Pelvis:
-    """The pelvis of the whole motion. Raises ValueError where a foot is out of a leg's reach."""
-    quat_w = _orientation(recipe, commands, stride)
+    The landing foot's side is ahead. Raises ValueError where a foot is out of a leg's reach.
+    """
+    turn, listing, lean = _sway(recipe, commands, stride)
+    quat_w = _upright(commands.heading, -turn, listing, 0.4 * lean)
     side = gait.sway(recipe.gait, commands.forward, commands.lateral, commands.yaw_rate) * stride.activity
     side = side * stride.wave(from_midstance=True) + _idle(recipe, commands.times, 0) * (1.0 - stride.activity)
     along = _idle(recipe, commands.times, 1) * (1.0 - stride.activity) + gait.body_ahead(recipe.gait, commands.forward)
@@ -101,7 +103,7 @@ def move_pelvis(recipe: Recipe, commands: Commands, stride: Stride, feet: tuple[
     else:
         wave = gait.bob(commands.forward) * stride.activity * stride.wave(2, from_midstance=True)
         pos_w[:, 2] = _level(limit - wave) + wave
-    return Pelvis(pos_w=pos_w, quat_w=quat_w)
+    return pos_w, quat_w
 
 
 def _idle(recipe: Recipe, times: np.ndarray, channel: int) -> np.ndarray:
@@ -111,26 +113,11 @@ def _idle(recipe: Recipe, times: np.ndarray, channel: int) -> np.ndarray:
     return 0.002 * np.sin(2.0 * np.pi * rates_hz * times[:, None] + starts).sum(axis=1)
 
 
-def _orientation(recipe: Recipe, commands: Commands, stride: Stride) -> Float[np.ndarray, "n 4"]:
-    """Heading, turn with the steps (the landing foot's side ahead), list to the swing side, part of the lean."""
-    turn = -gait.pelvis_turn(commands.forward) * stride.activity * stride.wave()
-    listing = gait.pelvis_list(recipe.gait, commands.forward) * stride.activity * stride.wave(from_midstance=True)
-    lean = 0.4 * gait.trunk_lean(recipe.gait, commands.forward)
-    quat = rotation.about_z(commands.heading + turn)
-    quat = rotation.multiply(quat, rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), listing))
-    return rotation.multiply(quat, rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), lean))
-
-
-def hip_offset(side: int) -> Float[np.ndarray, " 3"]:
-    """Hip joint of foot 0 (left) or 1 (right) in the pelvis frame [m]."""
-    return skeleton.offset("LeftUpLeg" if side == 0 else "RightUpLeg")
-
-
-def _highest(recipe: Recipe, pos_w: np.ndarray, quat_w: np.ndarray, feet: tuple[Foot, Foot]) -> np.ndarray:
+def _highest(recipe: Recipe, pos_w: np.ndarray, quat_w: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
     """Greatest height of the pelvis (n,) at which neither leg is longer than `LONGEST_LEG` [m]."""
     limits = []
-    for side, foot in enumerate(feet):
-        hip = rotation.rotate(quat_w, hip_offset(side))
+    for side, foot in zip(("Left", "Right"), feet, strict=True):
+        hip = rotation.rotate(quat_w, skeleton.offset(f"{side}UpLeg"))
         across = np.linalg.norm(foot.ankle_w[:, :2] - pos_w[:, :2] - hip[:, :2], axis=-1)
         if across.max() > WIDEST_REACH:
             frame = int(across.argmax())

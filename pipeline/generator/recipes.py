@@ -1,123 +1,250 @@
-"""The sound motions that ship with the project, and the sidecar of each motion.
+"""The motions that ship with the project, sound ones and those with one planted defect each, and their sidecars.
 
 A sidecar is its description, expected results in the pipeline, and seconds of each commanded skill.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import yaml
+from jaxtyping import Float
 
 from pipeline import time_series
+from pipeline.generator import bvh
 from pipeline.generator.command import GRID_HZ, LEAD_S, Commands, Level, Recipe, plan_commands
-from pipeline.generator.defects import DEFECTS, Defect, make_defect
-from pipeline.generator.generate import generate
+from pipeline.generator.generate import make_motion
+from pipeline.generator.skeleton import Motion
+
+Block = Float[np.ndarray, "t c"]
 
 
-def _forward(*speeds: float, hold_s: float) -> tuple[Level, ...]:
-    return tuple(Level(hold_s=hold_s, forward=speed) for speed in speeds)
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """Location of a defect, in the motion's own time."""
+
+    code: str
+    start_s: float
+    stop_s: float
+    effect: str
+    """Expected effect: `repaired`, `cut` (these seconds are removed) or `rejected` (all of it)."""
+    detail: str
+    """Description of the defect."""
 
 
-def _lateral(*speeds: float, hold_s: float) -> tuple[Level, ...]:
-    return tuple(Level(hold_s=hold_s, lateral=speed) for speed in speeds)
+@dataclass(frozen=True, kw_only=True)
+class Defect:
+    """A sound recipe and the defect that is planted into it."""
+
+    recipe: Recipe
+    fate: str
+    """`accepted`, `partly` or `rejected`."""
+    faults: tuple[Fault, ...]
+    plant: Callable[[Block, float], Block]
+    """Motion block of the sound file (x and z on the floor in cm, y up, then angles in deg) and its rate -> spoilt."""
+    declared_fps: float | None = None
+    """Declared rate if it differs from the true one [Hz]."""
 
 
-def _turning(*rates: float, hold_s: float) -> tuple[Level, ...]:
-    return tuple(Level(hold_s=hold_s, yaw_rate=rate) for rate in rates)
+def make_defect(defect: Defect) -> tuple[Motion, str]:
+    """The sound motion, and the text of the file with the defect."""
+    motion, _ = make_motion(defect.recipe)
+    block = defect.plant(bvh.channels(motion).copy(), motion.fps)
+    return motion, bvh.to_text(block, defect.declared_fps or motion.fps)
+
+
+LONG_DROPOUT = Fault(
+    code="dropout", start_s=5.0, stop_s=5.6, effect="cut", detail="all angles of the left leg are 0 for .6 s"
+)
+SHORT_DROPOUT = Fault(
+    code="dropout", start_s=2.0, stop_s=2.0833, effect="repaired", detail="all angles of the right arm are 0 for .08 s"
+)
+TELEPORT = Fault(code="teleport", start_s=4.0, stop_s=4.0, effect="cut", detail="from one frame to the next 60 cm off")
+FROZEN = Fault(code="frozen", start_s=6.5, stop_s=8.0, effect="cut", detail="one frame repeated to the end")
+TIME_BASE = Fault(
+    code="time_base", start_s=0.0, stop_s=4.0, effect="repaired", detail="made at 120 Hz, the file says 25 Hz"
+)
+SKATE = Fault(
+    code="foot_skate", start_s=0.0, stop_s=7.0, effect="rejected", detail="the whole body drifts ahead by .3 m/s"
+)
+
+
+def drop_out(block: Block, fps: float) -> Block:
+    """Angles of the left leg, later of the right arm, set to zero."""
+    for fault, joints in (
+        (LONG_DROPOUT, ("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToe")),
+        (SHORT_DROPOUT, ("RightShoulder", "RightArm", "RightForeArm", "RightHand")),
+    ):
+        frames = slice(round(fault.start_s * fps), round(fault.stop_s * fps))
+        for joint in joints:
+            block[frames, bvh.columns_of(joint)] = 0.0
+    return block
+
+
+def jump(block: Block, fps: float) -> Block:
+    """From `TELEPORT` on everything is displaced by 48 cm to the left and 36 cm back."""
+    block[round(TELEPORT.start_s * fps) :, [0, 2]] += (48.0, -36.0)
+    return block
+
+
+def freeze(block: Block, fps: float) -> Block:
+    """The frame at which `FROZEN` starts is repeated to the end."""
+    first = round(FROZEN.start_s * fps)
+    block[first:] = block[first]
+    return block
+
+
+def unchanged(block: Block, fps: float) -> Block:
+    """The sound file's motion block."""
+    return block
+
+
+def skate(block: Block, fps: float) -> Block:
+    """The root drifts forward by 30 cm/s, so that standing feet slide."""
+    block[:, 2] += 30.0 * np.arange(len(block)) / fps
+    return np.round(block, bvh.DECIMALS)
+
+
+def _walk(name: str, what: str, hold_s: float, speed: float, seed: int) -> Recipe:
+    return Recipe(name=name, what=what, levels=(Level(hold_s=hold_s, forward=speed),), seed=seed)
+
+
+_DEFECTS = (
+    Defect(
+        recipe=_walk("defect_dropout", "Walks at 1.1 m/s; a leg drops out for .6 s, an arm for .08 s.", 10.0, 1.1, 21),
+        fate="partly",
+        faults=(SHORT_DROPOUT, LONG_DROPOUT),
+        plant=drop_out,
+    ),
+    Defect(
+        recipe=_walk("defect_teleport", "Walks at 1.0 m/s; in the middle it jumps by 60 cm.", 8.0, 1.0, 22),
+        fate="partly",
+        faults=(TELEPORT,),
+        plant=jump,
+    ),
+    Defect(
+        recipe=_walk("defect_frozen", "Walks at .9 m/s; the last 1.5 s are one frame.", 8.0, 0.9, 23),
+        fate="partly",
+        faults=(FROZEN,),
+        plant=freeze,
+    ),
+    Defect(
+        recipe=Recipe(
+            name="defect_time_base",
+            what="Runs at 3.2 m/s; recorded at 120 Hz, declared as 25 Hz.",
+            levels=(Level(hold_s=4.0, forward=3.2),),
+            seed=24,
+            gait="run",
+            fps=120.0,
+        ),
+        fate="accepted",
+        faults=(TIME_BASE,),
+        plant=unchanged,  # the defect is the declared rate
+        declared_fps=25.0,
+    ),
+    Defect(
+        recipe=_walk("defect_foot_skate", "Walks at 1.0 m/s; the feet slide by .3 m/s while they stand.", 7.0, 1.0, 25),
+        fate="rejected",
+        faults=(SKATE,),
+        plant=skate,
+    ),
+)
+
+DEFECTS: dict[str, Defect] = {defect.recipe.name: defect for defect in _DEFECTS}
+
+
+HOLD_S = 4.0
+"""Time for which most speeds are held [s]."""
+
+
+def _levels(command: str, *values: float) -> tuple[Level, ...]:
+    """Values of one command (`forward`, `lateral`, `yaw_rate`), one after another."""
+    return tuple(Level(hold_s=HOLD_S, **{command: value}) for value in values)
 
 
 def _still(hold_s: float) -> Level:
     return Level(hold_s=hold_s)
 
 
-_ALL = (
-    Recipe(name="stand", what="Stands, swaying a little.", levels=(_still(8.0),), seed=1),
-    Recipe(
-        name="walk_slow",
-        what="From standing to slow walking: .3, .4 and .55 m/s.",
-        levels=(_still(1.0), *_forward(0.3, 0.4, 0.55, hold_s=4.0)),
-        seed=2,
+def _recipe(name: str, seed: int, what: str, *levels: Level, gait: str = "walk", ramp_s: float = 1.0) -> Recipe:
+    return Recipe(name=name, what=what, levels=levels, seed=seed, gait=gait, ramp_s=ramp_s)
+
+
+_RECIPES = (
+    _recipe("stand", 1, "Stands, swaying a little.", _still(8.0)),
+    _recipe(
+        "walk_slow",
+        2,
+        "From standing to slow walking: .3, .4 and .55 m/s.",
+        _still(1.0),
+        *_levels("forward", 0.3, 0.4, 0.55),
     ),
-    Recipe(
-        name="walk",
-        what="Walks straight ahead at .7, .95 and 1.2 m/s.",
-        levels=_forward(0.7, 0.95, 1.2, hold_s=4.0),
-        seed=3,
+    _recipe("walk", 3, "Walks straight ahead at .7, .95 and 1.2 m/s.", *_levels("forward", 0.7, 0.95, 1.2)),
+    _recipe("walk_fast", 4, "Walks fast straight ahead at 1.4, 1.7 and 1.97 m/s.", *_levels("forward", 1.4, 1.7, 1.97)),
+    _recipe(
+        "run_easy", 5, "Runs easily at 2.08, 2.36 and 2.64 m/s.", *_levels("forward", 2.08, 2.36, 2.64), gait="run"
     ),
-    Recipe(
-        name="walk_fast",
-        what="Walks fast straight ahead at 1.4, 1.7 and 1.97 m/s.",
-        levels=_forward(1.4, 1.7, 1.97, hold_s=4.0),
-        seed=4,
+    _recipe("run_fast", 6, "Runs at 2.92, 3.2 and 3.5 m/s.", *_levels("forward", 2.92, 3.2, 3.5), gait="run"),
+    _recipe(
+        "back",
+        7,
+        "From standing to walking backwards: .3, .6, .85 and 1.06 m/s.",
+        _still(1.0),
+        *_levels("forward", -0.3, -0.6, -0.85, -1.06),
     ),
-    Recipe(
-        name="run_easy",
-        what="Runs easily at 2.08, 2.36 and 2.64 m/s.",
-        levels=_forward(2.08, 2.36, 2.64, hold_s=4.0),
-        seed=5,
-        gait="run",
+    _recipe(
+        "side_left",
+        8,
+        "From standing to steps to the left: .35, .7 and 1.06 m/s.",
+        _still(1.0),
+        *_levels("lateral", 0.35, 0.7, 1.06),
     ),
-    Recipe(
-        name="run_fast",
-        what="Runs at 2.92, 3.2 and 3.5 m/s.",
-        levels=_forward(2.92, 3.2, 3.5, hold_s=4.0),
-        seed=6,
-        gait="run",
+    _recipe(
+        "side_right",
+        9,
+        "From standing to steps to the right: .35, .7 and 1.06 m/s.",
+        _still(1.0),
+        *_levels("lateral", -0.35, -0.7, -1.06),
     ),
-    Recipe(
-        name="back",
-        what="From standing to walking backwards: .3, .6, .85 and 1.06 m/s.",
-        levels=(_still(1.0), *_forward(-0.3, -0.6, -0.85, -1.06, hold_s=4.0)),
-        seed=7,
+    _recipe(
+        "turn_left",
+        10,
+        "Turns in place to the left at .65, 1.1 and 1.6 rad/s, then stops.",
+        *(_still(1.0), *_levels("yaw_rate", 0.65, 1.1, 1.6), _still(1.5)),
     ),
-    Recipe(
-        name="side_left",
-        what="From standing to steps to the left: .35, .7 and 1.06 m/s.",
-        levels=(_still(1.0), *_lateral(0.35, 0.7, 1.06, hold_s=4.0)),
-        seed=8,
+    _recipe(
+        "turn_right",
+        11,
+        "Turns in place to the right at .65, 1.1 and 1.6 rad/s, then stops.",
+        *(_still(1.0), *_levels("yaw_rate", -0.65, -1.1, -1.6), _still(1.5)),
     ),
-    Recipe(
-        name="side_right",
-        what="From standing to steps to the right: .35, .7 and 1.06 m/s.",
-        levels=(_still(1.0), *_lateral(-0.35, -0.7, -1.06, hold_s=4.0)),
-        seed=9,
+    _recipe(
+        "curve_left",
+        12,
+        "Walks curves to the left, wide and fast, then tight and slow.",
+        Level(hold_s=4.5, forward=1.2, yaw_rate=0.5),
+        Level(hold_s=4.5, forward=0.8, yaw_rate=0.8),
     ),
-    Recipe(
-        name="turn_left",
-        what="Turns in place to the left at .65, 1.1 and 1.6 rad/s, then stops.",
-        levels=(_still(1.0), *_turning(0.65, 1.1, 1.6, hold_s=4.0), _still(1.5)),
-        seed=10,
+    _recipe(
+        "curve_right",
+        13,
+        "Walks curves to the right, wide and fast, then tight and slow.",
+        Level(hold_s=4.5, forward=1.2, yaw_rate=-0.5),
+        Level(hold_s=4.5, forward=0.8, yaw_rate=-0.8),
     ),
-    Recipe(
-        name="turn_right",
-        what="Turns in place to the right at .65, 1.1 and 1.6 rad/s, then stops.",
-        levels=(_still(1.0), *_turning(-0.65, -1.1, -1.6, hold_s=4.0), _still(1.5)),
-        seed=11,
-    ),
-    Recipe(
-        name="curve_left",
-        what="Walks curves to the left, wide and fast, then tight and slow.",
-        levels=(Level(hold_s=4.5, forward=1.2, yaw_rate=0.5), Level(hold_s=4.5, forward=0.8, yaw_rate=0.8)),
-        seed=12,
-    ),
-    Recipe(
-        name="curve_right",
-        what="Walks curves to the right, wide and fast, then tight and slow.",
-        levels=(Level(hold_s=4.5, forward=1.2, yaw_rate=-0.5), Level(hold_s=4.5, forward=0.8, yaw_rate=-0.8)),
-        seed=13,
-    ),
-    Recipe(
-        name="start_stop",
-        what="Stands, walks at 1.0 m/s, stops, walks at 1.5 m/s, stops.",
-        levels=(_still(1.5), Level(hold_s=2.5, forward=1.0), _still(2.2), Level(hold_s=2.5, forward=1.5), _still(2.2)),
-        seed=14,
+    _recipe(
+        "start_stop",
+        14,
+        "Stands, walks at 1.0 m/s, stops, walks at 1.5 m/s, stops.",
+        *(_still(1.5), Level(hold_s=2.5, forward=1.0), _still(2.2), Level(hold_s=2.5, forward=1.5), _still(2.2)),
         ramp_s=1.2,
     ),
 )
 
-RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in _ALL}
+RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in _RECIPES}
 
 
 README = """# Motions that ship with the project
@@ -136,20 +263,15 @@ of each skill. The clips `defect_*` were sound and then spoilt; `defects` in the
 
 def texts() -> Iterator[tuple[str, str]]:
     """File name and content of every file, one at a time."""
-    rows = []
-    for name, recipe in RECIPES.items():
-        yield f"{name}.bvh", generate(recipe).bvh
-        yield f"{name}.yaml", to_text(of_sound(recipe))
-        rows.append((recipe, "accepted"))
-    for name, defect in DEFECTS.items():
-        yield f"{name}.bvh", make_defect(defect)[1]
-        yield f"{name}.yaml", to_text(of_defect(defect))
-        rows.append((defect.recipe, defect.fate))
-    lines = [
-        f"| {recipe.name} | {(recipe.frame_count - 1) / recipe.fps:.1f} | {fate} | {recipe.what} |"
-        for recipe, fate in rows
-    ]
-    yield "README.md", README + "\n".join(lines) + "\n"
+    table = ""
+    sound = [Defect(recipe=recipe, fate="accepted", faults=(), plant=unchanged) for recipe in RECIPES.values()]
+    for each in (*sound, *DEFECTS.values()):
+        recipe = each.recipe
+        yield f"{recipe.name}.bvh", make_defect(each)[1]
+        yield f"{recipe.name}.yaml", yaml.safe_dump(sidecar(each), sort_keys=False, width=120, allow_unicode=True)
+        seconds = (recipe.frame_count - 1) / recipe.fps
+        table += f"| {recipe.name} | {seconds:.1f} | {each.fate} | {recipe.what} |\n"
+    yield "README.md", README + table
 
 
 MADE_BY = "pipeline.generator of this project; no recording of a person went into it"
@@ -167,43 +289,28 @@ SHORTEST_S = 1.0
 """Shortest stretch of a skill [s]."""
 
 
-def of_sound(recipe: Recipe) -> dict:
-    """Sidecar of a sound motion: all of it is accepted."""
-    expect = {"fate": "accepted", "reasons": [], "skills": skill_seconds(recipe), "repaired": []}
-    return {**_head(recipe), "expect": expect}
-
-
-def of_defect(defect: Defect) -> dict:
-    """Sidecar of a motion with defects: locations and expected effects."""
-    codes = {effect: _codes(defect, effect) for effect in ("repaired", "cut", "rejected")}
-    seconds = {} if defect.fate == "rejected" else skill_seconds(defect.recipe)
+def sidecar(defect: Defect) -> dict:
+    """What a motion is, its defects with their expected effects, and its expected result in the pipeline."""
+    recipe = defect.recipe
+    codes = {
+        effect: list(dict.fromkeys(fault.code for fault in defect.faults if fault.effect == effect))
+        for effect in ("repaired", "cut", "rejected")
+    }
+    seconds = {} if defect.fate == "rejected" else skill_seconds(recipe)
     lost_s = sum(fault.stop_s - fault.start_s for fault in defect.faults if fault.effect == "cut")
-    expect = {
+    result: dict[str, Any] = {"what": recipe.what, "made_by": MADE_BY, "seed": recipe.seed, "licence": LICENCE}
+    if defect.declared_fps is not None:
+        result |= {"declared_fps": defect.declared_fps, "true_fps": recipe.fps}
+    if defect.faults:
+        names = ("code", "start_s", "stop_s", "detail", "effect")
+        result["defects"] = [{name: getattr(fault, name) for name in names} for fault in defect.faults]
+    result["expect"] = {
         "fate": defect.fate,
         "reasons": list(dict.fromkeys(codes["cut"] + codes["rejected"])),
         "skills": {skill: round(value - lost_s, 1) for skill, value in seconds.items()},
         "repaired": codes["repaired"],
     }
-    faults = [
-        {"code": fault.code, "start_s": fault.start_s, "stop_s": fault.stop_s, "detail": fault.detail}
-        | {"effect": fault.effect}
-        for fault in defect.faults
-    ]
-    rate = {} if defect.declared_fps is None else {"declared_fps": defect.declared_fps, "true_fps": defect.recipe.fps}
-    return {**_head(defect.recipe), **rate, "defects": faults, "expect": expect}
-
-
-def to_text(sidecar: dict) -> str:
-    """YAML in the order given."""
-    return yaml.safe_dump(sidecar, sort_keys=False, width=120, allow_unicode=True)
-
-
-def _head(recipe: Recipe) -> dict:
-    return {"what": recipe.what, "made_by": MADE_BY, "seed": recipe.seed, "licence": LICENCE}
-
-
-def _codes(defect: Defect, effect: str) -> list[str]:
-    return list(dict.fromkeys(fault.code for fault in defect.faults if fault.effect == effect))
+    return result
 
 
 def skill_seconds(recipe: Recipe) -> dict[str, float]:

@@ -41,7 +41,7 @@ PELVIS_ABOVE_HIPS = 0.05
 """Origin of the pelvis above the line of the hip joints [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Joint:
     """One joint of the BVH."""
 
@@ -56,49 +56,31 @@ class Joint:
 
 
 def _leg(side: str, sign: float) -> list[Joint]:
-    low, name = side.lower(), side
-    down_foot = (BALL_AHEAD, 0.0, BALL_HEIGHT - ANKLE_HEIGHT)
+    low, ball = side.lower(), (BALL_AHEAD, 0.0, BALL_HEIGHT - ANKLE_HEIGHT)
     return [
-        Joint(
-            name=f"{name}UpLeg",
-            parent="Hips",
-            offset=(0.0, sign * HIP_HALF_WIDTH, -PELVIS_ABOVE_HIPS),
-            body=f"{low}_hip",
-        ),
-        Joint(name=f"{name}Leg", parent=f"{name}UpLeg", offset=(0.0, 0.0, -THIGH), body=f"{low}_knee"),
-        Joint(name=f"{name}Foot", parent=f"{name}Leg", offset=(0.0, 0.0, -SHANK), body=f"{low}_ankle"),
-        Joint(
-            name=f"{name}Toe",
-            parent=f"{name}Foot",
-            offset=down_foot,
-            body=f"{low}_toe",
-            end=(TOE_LENGTH, 0.0, -0.5 * BALL_HEIGHT),
-        ),
+        Joint(f"{side}UpLeg", "Hips", (0.0, sign * HIP_HALF_WIDTH, -PELVIS_ABOVE_HIPS), f"{low}_hip"),
+        Joint(f"{side}Leg", f"{side}UpLeg", (0.0, 0.0, -THIGH), f"{low}_knee"),
+        Joint(f"{side}Foot", f"{side}Leg", (0.0, 0.0, -SHANK), f"{low}_ankle"),
+        Joint(f"{side}Toe", f"{side}Foot", ball, f"{low}_toe", end=(TOE_LENGTH, 0.0, -0.5 * BALL_HEIGHT)),
     ]
 
 
 def _arm(side: str, sign: float) -> list[Joint]:
-    low, name = side.lower(), side
+    low, hand = side.lower(), (0.0, sign * HAND, 0.0)
     return [
-        Joint(name=f"{name}Shoulder", parent="Chest", offset=(0.0, sign * 0.03, 0.150), body=None),
-        Joint(name=f"{name}Arm", parent=f"{name}Shoulder", offset=(-0.01, sign * 0.15, -0.015), body=f"{low}_shoulder"),
-        Joint(name=f"{name}ForeArm", parent=f"{name}Arm", offset=(0.0, sign * UPPER_ARM, 0.0), body=f"{low}_elbow"),
-        Joint(
-            name=f"{name}Hand",
-            parent=f"{name}ForeArm",
-            offset=(0.0, sign * FOREARM, 0.0),
-            body=f"{low}_wrist",
-            end=(0.0, sign * HAND, 0.0),
-        ),
+        Joint(f"{side}Shoulder", "Chest", (0.0, sign * 0.03, 0.150), None),
+        Joint(f"{side}Arm", f"{side}Shoulder", (-0.01, sign * 0.15, -0.015), f"{low}_shoulder"),
+        Joint(f"{side}ForeArm", f"{side}Arm", (0.0, sign * UPPER_ARM, 0.0), f"{low}_elbow"),
+        Joint(f"{side}Hand", f"{side}ForeArm", (0.0, sign * FOREARM, 0.0), f"{low}_wrist", end=hand),
     ]
 
 
 JOINTS: tuple[Joint, ...] = (
-    Joint(name="Hips", parent=None, offset=(0.0, 0.0, 0.0), body="pelvis"),
-    Joint(name="Spine", parent="Hips", offset=(-0.01, 0.0, 0.10), body="spine"),
-    Joint(name="Chest", parent="Spine", offset=(0.0, 0.0, 0.20), body="chest"),
-    Joint(name="Neck", parent="Chest", offset=(0.0, 0.0, 0.22), body="neck"),
-    Joint(name="Head", parent="Neck", offset=(0.015, 0.0, 0.08), body="head", end=(0.0, 0.0, 0.16)),
+    Joint("Hips", None, (0.0, 0.0, 0.0), "pelvis"),
+    Joint("Spine", "Hips", (-0.01, 0.0, 0.10), "spine"),
+    Joint("Chest", "Spine", (0.0, 0.0, 0.20), "chest"),
+    Joint("Neck", "Chest", (0.0, 0.0, 0.22), "neck"),
+    Joint("Head", "Neck", (0.015, 0.0, 0.08), "head", end=(0.0, 0.0, 0.16)),
     *_arm("Left", 1.0),
     *_arm("Right", -1.0),
     *_leg("Left", 1.0),
@@ -123,15 +105,14 @@ def solve_leg(
     """
     line = ankle_w - hip_w
     length = np.linalg.norm(line, axis=-1, keepdims=True)
-    thigh, shank = THIGH, SHANK
-    if length.max() >= thigh + shank or length.min() <= abs(thigh - shank):
-        raise ValueError(f"an ankle is {length.max():.3f} m from its hip, the leg reaches {thigh + shank:.3f} m.")
+    if length.max() >= THIGH + SHANK or length.min() <= abs(THIGH - SHANK):
+        raise ValueError(f"an ankle is {length.max():.3f} m from its hip, the leg reaches {THIGH + SHANK:.3f} m.")
     down = line / length
     left = np.stack([-np.sin(yaw), np.cos(yaw), np.zeros_like(yaw)], axis=-1)
     left = rotation.normalize(left - np.sum(left * down, axis=-1, keepdims=True) * down)
     ahead = np.cross(down, left)
-    cosine = (thigh**2 + length**2 - shank**2) / (2.0 * thigh * length)
-    knee_w = hip_w + thigh * (cosine * down + np.sqrt(1.0 - cosine**2) * ahead)
+    cosine = (THIGH**2 + length**2 - SHANK**2) / (2.0 * THIGH * length)
+    knee_w = hip_w + THIGH * (cosine * down + np.sqrt(1.0 - cosine**2) * ahead)
     return _frame(hip_w - knee_w, left), _frame(knee_w - ankle_w, left)
 
 

@@ -1,7 +1,7 @@
 """Logs of a robot (MCAP, sqlite3 bags): read with all damage reported, written for virtual robots."""
 
-from pipeline.hardware_logs.ingest import Ingested, IngestedTrial, ingest
-from pipeline.hardware_logs.layout import Layout, LogSettings, layouts
+from pipeline.hardware_logs.ingest import ingest
+from pipeline.hardware_logs.layout import LogSettings, layouts
 from pipeline.hardware_logs.log_report import LogError
 from pipeline.hardware_logs.robot_log import (
     FallStates,
@@ -22,9 +22,6 @@ __all__ = [
     "ZSTD_SMALL",
     "FallStates",
     "Gap",
-    "Ingested",
-    "IngestedTrial",
-    "Layout",
     "LogError",
     "LogFacts",
     "LogSettings",

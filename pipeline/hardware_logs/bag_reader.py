@@ -1,7 +1,5 @@
 """Messages of a rosbag2 sqlite3 file (`.db3`) in bounded memory. It has no checksums, so it is never verified."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing

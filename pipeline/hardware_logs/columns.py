@@ -3,8 +3,6 @@
 The command of each sample is the schedule's, the sticks' or the velocity that a message requests.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float, Int
 

@@ -3,8 +3,6 @@
 Messages that can't be read are left out and counted; a topic whose schema can't hold what is needed refuses the log.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

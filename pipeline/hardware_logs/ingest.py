@@ -1,7 +1,5 @@
 """A log file to trials: read with all damage reported, attributed, resampled, checked for plausibility."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path

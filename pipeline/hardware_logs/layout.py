@@ -1,7 +1,5 @@
 """Settings of `data/hardware_logs.yaml`, and which robot a log is of, by the number of its joints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Metadata of a log besides the robot's messages: of MCAP, and in a YAML file of the log's name beside it."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

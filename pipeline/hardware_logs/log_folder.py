@@ -3,8 +3,6 @@
 Each refused log gets a text beside it where a text can be written; a folder that is read-only stops no ingest.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

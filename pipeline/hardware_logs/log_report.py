@@ -3,8 +3,6 @@
 Jumps of the recorder's clock are found by the order of the messages in the file.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The channels of an MCAP file, and the summary at its end as far as its checksum holds."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from dataclasses import dataclass, field

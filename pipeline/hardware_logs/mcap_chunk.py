@@ -3,8 +3,6 @@
 A chunk is inflated within its stated size, checked against its checksum and cut into records.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from dataclasses import dataclass

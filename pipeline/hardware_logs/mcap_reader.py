@@ -4,8 +4,6 @@ Damage is skipped: reading continues from the next chunk whose checksum holds, o
 Every such place is a `Loss` between the records before and after.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """What a log's messages go through on their way to files: clock, decoding, plausibility, grid, command."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
@@ -201,16 +199,12 @@ class MessageFlow:
             if isinstance(each, Stretched):
                 self._end(each)
                 continue
-            start_ns = self._start_ns(each)
+            if self._grid_start is None:
+                self._grid_start = int(each.grid_ns[0])
             columns: Columns = {name: values for name, values in each.columns.items() if name != "sticks"}
             columns["command"] = self._command.at(each.grid_ns, each.columns["sticks"])
-            columns["time_s"] = np.round((each.grid_ns - start_ns) / self.settings.time.period_ns) / rate_hz
+            columns["time_s"] = np.round((each.grid_ns - self._grid_start) / self.settings.time.period_ns) / rate_hz
             self.files.add(columns)
-
-    def _start_ns(self, block: Block) -> int:
-        if self._grid_start is None:
-            self._grid_start = int(block.grid_ns[0])
-        return self._grid_start
 
     def _end(self, made: Stretched) -> None:
         """A trial is whole: too short, too sparse, or closed with its events."""

@@ -3,8 +3,6 @@
 Fields are those of the published interface (booster_interface). A message has no stamp: time is the recorder's receipt.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 
@@ -120,35 +118,30 @@ def payload_dtype(message: str, *counts: int) -> np.dtype:
 
     Alignment is CDR's, counted from behind the encapsulation.
     """
-    left = list(counts)
-    names, formats, offsets, end = ["encapsulation"], ["V4"], [0], 4
-    for field in MESSAGES[message]:
-        inner = _element(field.kind)
-        length = field.length
-        if length is None:
-            end = _aligned(end, 4)
-            names, formats, offsets = [*names, f"{field.name}_count"], [*formats, "<u4"], [*offsets, end]
-            end, length = end + 4, left.pop(0)
-        end = _aligned(end, _alignment(field.kind)) if length else end
-        shape = () if field.length == 1 else (length,)
-        names, formats, offsets = [*names, field.name], [*formats, (inner, shape)], [*offsets, end]
-        end += inner.itemsize * length
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+    return _structure(message, list(counts), {"encapsulation": (np.dtype("V4"), 0)})
 
 
 @functools.cache
 def _element(kind: str) -> np.dtype:
     """A primitive, or a message of fixed size that starts at its alignment."""
-    if kind in PRIMITIVES:
-        return np.dtype(PRIMITIVES[kind])
-    names, formats, offsets, end = [], [], [], 0
-    for field in MESSAGES[kind]:
-        inner, length = _element(field.kind), field.length
-        assert length is not None, "a message in a sequence has a fixed size"
-        end = _aligned(end, _alignment(field.kind))
-        names, formats = [*names, field.name], [*formats, (inner, () if length == 1 else (length,))]
-        offsets, end = [*offsets, end], end + inner.itemsize * length
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+    return np.dtype(PRIMITIVES[kind]) if kind in PRIMITIVES else _structure(kind, [], {})
+
+
+def _structure(message: str, counts: list[int], placed: dict[str, tuple[np.dtype, int]]) -> np.dtype:
+    """The fields of a message behind those that are placed already: name -> type and offset."""
+    end = sum(kind.itemsize for kind, _ in placed.values())
+    for field in MESSAGES[message]:
+        length = field.length
+        if length is None:
+            end, length = _aligned(end, 4), counts.pop(0)
+            placed[f"{field.name}_count"] = np.dtype("<u4"), end
+            end += 4
+        end = _aligned(end, _alignment(field.kind)) if length else end
+        inner = _element(field.kind)
+        placed[field.name] = inner if field.length == 1 else np.dtype((inner, (length,))), end
+        end += inner.itemsize * length
+    formats, offsets = zip(*placed.values(), strict=True)
+    return np.dtype({"names": list(placed), "formats": formats, "offsets": offsets, "itemsize": end})
 
 
 def _alignment(kind: str) -> int:

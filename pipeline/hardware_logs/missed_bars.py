@@ -4,14 +4,13 @@ Only a log that is marked simulated is believed, and only a note that is sound f
 known, a number that can't be, or a bar that was not missed, nothing is taken at all.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import asdict, dataclass
+
+from pydantic import ConfigDict, TypeAdapter
 
 from pipeline.hardware_logs.robot_log import LogFacts
 
@@ -75,7 +74,25 @@ class MissedBar:
     """Of saturation: the joint that is at its limit most."""
 
     def __post_init__(self) -> None:
-        _check(self)
+        """Raises ValueError for what no validation writes."""
+        known = KNOWN.get(self.figure)
+        if known is None:
+            raise ValueError(f"no figure {self.figure!r}; there are {', '.join(KNOWN)}")
+        if not CELL.fullmatch(self.cell):
+            raise ValueError(f"no name of a cell: {self.cell[:100]!r}")
+        for value, most in ((self.got, known.most), (self.asked, known.most), (self.until_s, MOST_SECONDS)):
+            if not 0.0 <= value <= most:
+                raise ValueError(f"{self.figure}: {value:g} is not within 0 and {most:g}")
+        if not 0.0 <= self.from_s <= self.until_s:
+            raise ValueError(f"{self.figure}: measured from {self.from_s:g} to {self.until_s:g} s")
+        if (self.got <= self.asked) if known.lower_is_better else (self.got >= self.asked):
+            raise ValueError(f"{self.figure}: {self.got:g} holds the bar {self.asked:g}")
+        if self.axis not in (known.axes or ("",)):
+            raise ValueError(f"{self.figure} is not of the axis {self.axis!r}")
+        if not all(math.isfinite(each) and abs(each) <= MOST_SPEED for each in (self.commanded, self.achieved)):
+            raise ValueError(f"{self.figure}: velocities {self.commanded:g} and {self.achieved:g}")
+        if self.joint and self.figure != "saturation":
+            raise ValueError(f"{self.figure} is not of a joint")
 
     @property
     def bar(self) -> str:
@@ -100,54 +117,21 @@ def heard(facts: LogFacts, joint_names: Collection[str]) -> tuple[tuple[MissedBa
         return (), ("it states missed bars but not that it is simulated: they are left out.",)
     try:
         return of_text(facts.notes[NOTE], joint_names), ()
-    except (ValueError, TypeError, OverflowError, RecursionError):
+    except ValueError:
         return (), ("its missed bars can't be right and are left out.",)
 
 
+_BARS = TypeAdapter(list[MissedBar], config=ConfigDict(strict=True, extra="forbid"))
+"""Numbers as numbers, texts as texts; nothing is converted to another type."""
+
+
 def of_text(text: str, joint_names: Collection[str]) -> tuple[MissedBar, ...]:
-    """The bars of a note. Raises ValueError, TypeError, OverflowError or RecursionError."""
+    """The bars of a note. Raises ValueError."""
     if len(text) > MOST_LETTERS:
         raise ValueError(f"{len(text)} letters, at most {MOST_LETTERS}")
-    rows = json.loads(text)
-    if not isinstance(rows, list) or len(rows) > MOST_BARS:
-        raise ValueError(f"not a list of up to {MOST_BARS} bars")
-    bars = tuple(_of_row(row) for row in rows)
+    bars = tuple(_BARS.validate_json(text))
+    if len(bars) > MOST_BARS:
+        raise ValueError(f"{len(bars)} bars, at most {MOST_BARS}")
     if strange := {each.joint for each in bars} - {"", *joint_names}:
         raise ValueError(f"no joints of the robot: {sorted(strange)}")
     return bars
-
-
-def _of_row(row: Any) -> MissedBar:
-    """Numbers as numbers, texts as texts; nothing is read into another type."""
-    if not isinstance(row, dict):
-        raise ValueError("a bar is an object")
-    kinds = {each.name: each.type for each in fields(MissedBar)}
-    facts: dict[str, Any] = {}
-    for name, value in row.items():
-        wanted = (int, float) if kinds.get(name) == "float" else str
-        if name not in kinds or isinstance(value, bool) or not isinstance(value, wanted):
-            raise ValueError(f"{name!r} is not a {kinds.get(name, 'field')}")
-        facts[name] = value if isinstance(value, str) else float(value)
-    return MissedBar(**facts)
-
-
-def _check(bar: MissedBar) -> None:
-    """Raises ValueError for what no validation writes."""
-    known = KNOWN.get(bar.figure)
-    if known is None:
-        raise ValueError(f"no figure {bar.figure!r}; there are {', '.join(KNOWN)}")
-    if not CELL.fullmatch(bar.cell):
-        raise ValueError(f"no name of a cell: {bar.cell[:100]!r}")
-    for value, most in ((bar.got, known.most), (bar.asked, known.most), (bar.until_s, MOST_SECONDS)):
-        if not 0.0 <= value <= most:
-            raise ValueError(f"{bar.figure}: {value:g} is not within 0 and {most:g}")
-    if not 0.0 <= bar.from_s <= bar.until_s:
-        raise ValueError(f"{bar.figure}: measured from {bar.from_s:g} to {bar.until_s:g} s")
-    if (bar.got <= bar.asked) if known.lower_is_better else (bar.got >= bar.asked):
-        raise ValueError(f"{bar.figure}: {bar.got:g} holds the bar {bar.asked:g}")
-    if bar.axis not in (known.axes or ("",)):
-        raise ValueError(f"{bar.figure} is not of the axis {bar.axis!r}")
-    if not all(math.isfinite(each) and abs(each) <= MOST_SPEED for each in (bar.commanded, bar.achieved)):
-        raise ValueError(f"{bar.figure}: velocities {bar.commanded:g} and {bar.achieved:g}")
-    if bar.joint and bar.figure != "saturation":
-        raise ValueError(f"{bar.figure} is not of a joint")

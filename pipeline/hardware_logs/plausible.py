@@ -4,8 +4,6 @@ Sensors are checked too: values that never change, attitude in degrees, accelera
 sensors refuse no log; each is a sentence of the log's notes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,14 +66,12 @@ class Plausible:
         still &= np.abs(columns["joint_vel"]).max(axis=1, initial=0.0) < limits.rest_joint_rad_s
         if not still.any():
             return
-        force, rpy = columns["acc_b"][still].astype(np.float64), columns["rpy"][still].astype(np.float64)
-        roll, pitch = rpy[:, 0], rpy[:, 1]
-        up = np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
+        force = columns["acc_b"][still].astype(np.float64)
         length = np.linalg.norm(force, axis=1)
-        along = np.clip(np.sum(force * up, axis=1) / np.maximum(length, 1e-9), -1.0, 1.0)
+        along = np.sum(force * upward(columns["rpy"][still]), axis=1) / np.maximum(length, 1e-9)
         self.rest += int(still.sum())
         self._rest_force += float(length.sum())
-        self._rest_tilt += float(np.degrees(np.arccos(along)).sum())
+        self._rest_tilt += float(np.degrees(np.arccos(np.clip(along, -1.0, 1.0))).sum())
 
     def _note_lost(self, lost: np.ndarray) -> None:
         before = lost[:1] if self._lost is None else self._lost
@@ -142,8 +138,8 @@ class SensorWatch:
     messages: int = 0
     _length: float = 0.0
     _upward: float = 0.0
-    _runs: _Runs | None = None
-    _turns: _Turns = field(default_factory=lambda: _Turns())
+    _runs: "_Runs | None" = None
+    _turns: "_Turns" = field(default_factory=lambda: _Turns())
 
     def add(self, time_ns: Int64[np.ndarray, " m"], columns: Columns) -> None:
         """Note messages in the order of their receipt."""
@@ -165,7 +161,7 @@ class SensorWatch:
         """What was found, a sentence each."""
         if self._runs is None:
             return []
-        frozen_s = self._runs.longest_ns() / 1e9
+        frozen_s = self._runs.longest_ns / 1e9
         notes = []
         of_imu = {
             part: seconds
@@ -207,13 +203,13 @@ class _Runs:
     """The longest time for which each of some signals had one value, across pieces."""
 
     def __init__(self, signals: int):
-        self._longest = np.zeros(signals, dtype=np.int64)
+        self.longest_ns = np.zeros(signals, dtype=np.int64)
         self._since: np.ndarray | None = None
         self._last: tuple[int, np.ndarray, np.ndarray] | None = None
 
     def add(self, time_ns: np.ndarray, imu: np.ndarray, joints: np.ndarray) -> None:
         if self._last is None or self._since is None:
-            self._since = np.full(len(self._longest), time_ns[0], dtype=np.int64)
+            self._since = np.full(len(self.longest_ns), time_ns[0], dtype=np.int64)
             self._last = (int(time_ns[0]), imu[0], joints[0])
         times = np.concatenate([[self._last[0]], time_ns])
         changed = np.concatenate(
@@ -223,7 +219,7 @@ class _Runs:
             ],
             axis=1,
         )
-        for signal in range(len(self._longest)):
+        for signal in range(len(self.longest_ns)):
             self._note(signal, np.flatnonzero(changed[:, signal]), times)
         self._last = (int(time_ns[-1]), imu[-1], joints[-1])
 
@@ -232,12 +228,8 @@ class _Runs:
         assert self._since is not None
         starts = np.concatenate([[self._since[signal]], times[at + 1]])
         ends = np.concatenate([times[at], [times[-1]]])
-        self._longest[signal] = max(self._longest[signal], int((ends - starts).max()))
+        self.longest_ns[signal] = max(self.longest_ns[signal], int((ends - starts).max()))
         self._since[signal] = starts[-1]
-
-    def longest_ns(self) -> np.ndarray:
-        """Of each signal [ns]."""
-        return self._longest
 
 
 class _Turns:

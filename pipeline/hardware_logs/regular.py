@@ -3,8 +3,6 @@
 Grid times are multiples of the period since 1970, so that a log that lost its beginning has the same samples.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, field
 

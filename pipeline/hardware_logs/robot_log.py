@@ -1,7 +1,5 @@
 """A log as it is written: arrays of each topic with the time of receipt, and the log's metadata."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,7 +71,7 @@ class LowStates:
     """Packets lost since the motors started."""
     comm_hz: int = 500
     """Rate of the motors' communication, `reserve[1]`."""
-    parallel: LowStates | None = None
+    parallel: "LowStates | None" = None
     """The same of the motors (ankle cranks); None writes the joints' again."""
 
 

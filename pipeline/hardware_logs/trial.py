@@ -3,8 +3,6 @@
 Sensors report float32, so arrays of sensors are float32; nothing is lost and ten minutes of a T1 stay small.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile
@@ -148,7 +146,7 @@ class TrialWriter:
         os.close(handle)
         self._aside, self._writer = Path(aside), None
 
-    def __enter__(self) -> TrialWriter:
+    def __enter__(self) -> "TrialWriter":
         return self
 
     def __exit__(self, *_: object) -> None:

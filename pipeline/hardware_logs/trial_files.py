@@ -1,7 +1,5 @@
 """Blocks of samples into Parquet files, one a trial, in flat memory."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +35,7 @@ class TrialFiles:
         self._waiting: list[Columns] = []
         self._rows = 0
 
-    def __enter__(self) -> TrialFiles:
+    def __enter__(self) -> "TrialFiles":
         return self
 
     def __exit__(self, *_: object) -> None:

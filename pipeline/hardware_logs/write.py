@@ -3,8 +3,6 @@
 The official writer of the format makes the records.
 """
 
-from __future__ import annotations
-
 import io
 from collections import Counter
 from collections.abc import Mapping

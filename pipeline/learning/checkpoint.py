@@ -33,9 +33,12 @@ def save_checkpoint(folder: Path, iteration: int, state: dict[str, Any], environ
     except (OSError, RuntimeError) as error:  # of a full disk PyTorch says RuntimeError
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
-        first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise TrainingError(f"{path}: could not be written ({first}). Is the disk full?") from error
+        raise TrainingError(f"{path}: could not be written ({_first_line(error)}). Is the disk full?") from error
     return path
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
 def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
@@ -49,12 +52,11 @@ def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
     except OSError as error:
         raise TrainingError(f"{path}: can't be read ({error.strerror or error}).") from error
     except (MemoryError, torch.OutOfMemoryError) as error:
-        raise TrainingError(
-            f"{path}: there is no memory left on {device} to load it; end what else runs there."
-        ) from error
+        problem = f"there is no memory left on {device} to load it; end what else runs there."
+        raise TrainingError(f"{path}: {problem}") from error
     except Exception as error:  # a damaged archive or pickle raises whatever a parser on its way does
-        first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise TrainingError(f"{path}: is no checkpoint of ours and was not loaded ({first}).") from error
+        problem = f"is no checkpoint of ours and was not loaded ({_first_line(error)})."
+        raise TrainingError(f"{path}: {problem}") from error
     missing = [part for part in PARTS if not isinstance(state, dict) or part not in state]
     if missing:
         raise TrainingError(f"{path}: lacks {', '.join(missing)}; it is no checkpoint of ours.")

@@ -20,7 +20,8 @@ class CurvesFile:
 
     def add(self, row: Mapping[str, float]) -> None:
         """Put a row at the end."""
-        self._rows.append({name: _text(value) for name, value in row.items()})
+        texts = {name: str(value) if isinstance(value, int) else f"{value:.5g}" for name, value in row.items()}
+        self._rows.append(texts)
 
     def write(self) -> None:
         """Replace the file by all rows."""
@@ -33,7 +34,3 @@ class CurvesFile:
         part = self._path.with_suffix(".part")
         part.write_text(stream.getvalue())
         part.replace(self._path)
-
-
-def _text(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.5g}"

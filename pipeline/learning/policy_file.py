@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from pipeline.files import atomic
 from pipeline.learning.robot_facts import RobotFacts
 from pipeline.learning.training_error import TrainingError
 
@@ -23,23 +24,14 @@ def policy_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.ndar
     Raises TrainingError where that is another network's.
     """
     try:
-        return _policy_arrays(state, robot)
+        actor = {name: value.detach().cpu().numpy() for name, value in state["actor_state_dict"].items()}
+        arrays = {name: actor[f"obs_normalizer._{name}"].ravel() for name in ("mean", "std")} | {"eps": np.array(EPS)}
+        layers = sorted({int(name.split(".")[1]) for name in actor if name.startswith("mlp.")})
+        for number, layer in enumerate(layers):
+            arrays |= {f"L{number}_w": actor[f"mlp.{layer}.weight"], f"L{number}_b": actor[f"mlp.{layer}.bias"]}
     except (KeyError, ValueError, IndexError, AttributeError, TypeError) as error:
-        raise TrainingError(
-            f"the checkpoint's actor is no network of ours ({type(error).__name__}: {error})."
-        ) from error
-
-
-def _policy_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.ndarray]:
-    actor = {name: value.detach().cpu().numpy() for name, value in state["actor_state_dict"].items()}
-    arrays = {
-        "mean": actor["obs_normalizer._mean"].ravel(),
-        "std": actor["obs_normalizer._std"].ravel(),
-        "eps": np.array(EPS),
-    }
-    layers = sorted({int(name.split(".")[1]) for name in actor if name.startswith("mlp.")})
-    for number, layer in enumerate(layers):
-        arrays |= {f"L{number}_w": actor[f"mlp.{layer}.weight"], f"L{number}_b": actor[f"mlp.{layer}.bias"]}
+        problem = f"the checkpoint's actor is no network of ours ({type(error).__name__}: {error})."
+        raise TrainingError(problem) from error
     gains = {"kp": robot.kp, "kd": robot.kd, "default_joint_pos": robot.default_joint_pos}
     return {**arrays, **gains, "joint_names": np.array(robot.joint_names)}
 
@@ -68,7 +60,4 @@ def write_policy(path: Path, arrays: dict[str, np.ndarray]) -> None:
     """Write the arrays as an npz, whole or not at all; equal arrays give equal bytes."""
     stream = io.BytesIO()
     np.savez(stream, **arrays)  # pyright: ignore[reportArgumentType]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    part.write_bytes(stream.getvalue())
-    part.replace(path)
+    atomic.write_bytes(path, stream.getvalue())

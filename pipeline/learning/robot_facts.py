@@ -79,9 +79,8 @@ def read_robot_facts(folder: Path) -> RobotFacts:
         facts = json.loads((folder / "robot.json").read_text())
         return robot_facts(facts, (folder / "robot.xml").read_text())
     except (OSError, ValueError, KeyError) as error:
-        raise TrainingError(
-            f"{folder}: robot.json or robot.xml of the bundle can't be read ({error}). Write the bundle again."
-        ) from error
+        problem = f"robot.json or robot.xml of the bundle can't be read ({error})"
+        raise TrainingError(f"{folder}: {problem}. Write the bundle again.") from error
 
 
 def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:
@@ -90,16 +89,7 @@ def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:
     names = ("joint_names", "controlled", "policy_joints", "hands", "feet", "foot_links")
     taken: dict[str, Any] = {name: np.array(facts[name], dtype=float) for name in numbers}
     taken |= {name: tuple(facts[name]) for name in names}
-    taken["key_links"] = tuple(facts.get("key_links", ()))
-    return RobotFacts(
-        name=facts["robot"],
-        mjcf=mjcf,
-        root_link=facts["root_link"],
-        default_root_height=facts["default_root_height"],
-        fall_height=facts["fall_height"],
-        leg_length=facts["leg_length"],
-        weight=facts["weight"],
-        mirror_index=np.array(facts["mirror_index"]),
-        shapes=facts["shapes"],
-        **taken,
-    )
+    plain = ("root_link", "default_root_height", "fall_height", "leg_length", "weight", "shapes")
+    taken |= {name: facts[name] for name in plain}
+    key_links, mirror_index = tuple(facts.get("key_links", ())), np.array(facts["mirror_index"])
+    return RobotFacts(name=facts["robot"], mjcf=mjcf, key_links=key_links, mirror_index=mirror_index, **taken)

@@ -1,11 +1,12 @@
-"""What the commands that train share: start, exit status, commit, the device's name, and the JSON files of a run."""
+"""What the commands that train share: arguments, start, exit status, commit, device, and the JSON files of a run."""
 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,3 +66,24 @@ def write_json(path: Path, value: dict[str, Any]) -> None:
         part.replace(path)
     except OSError as error:
         raise TrainingError(f"{path}: could not be written ({error.strerror or error}). Is the disk full?") from error
+
+
+def chosen_device(name: str) -> str:
+    """The device, of the process's own rank under torchrun. Raises TrainingError where it is not there."""
+    import torch
+
+    if name == "cpu":
+        return name
+    if not torch.cuda.is_available():
+        raise TrainingError(f"--device is '{name}', but PyTorch finds no GPU here. Use --device cpu.")
+    name = f"cuda:{os.getenv('LOCAL_RANK', '0')}" if name == "cuda" else name
+    torch.cuda.set_device(name)
+    return name
+
+
+def pairs(texts: Sequence[str], of: str = "--set") -> dict[str, str]:
+    """Texts NAME=VALUE by name. Raises TrainingError for another form."""
+    for text in texts:
+        if "=" not in text:
+            raise TrainingError(f"{of} is '{text}'; it must be NAME=VALUE.")
+    return dict(text.split("=", 1) for text in texts)

@@ -103,34 +103,21 @@ def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: floa
             hips, of a robot the heading of its root
         bridge_s: longest gap of the recording that is interpolated before anything is measured [s]
     """
-    root_w, facing_w = _root_and_facing(clip)
+    fps, (root_w, facing_w) = clip.fps, _root_and_facing(clip)
     recorded = np.asarray(np.isfinite(np.concatenate([root_w, facing_w], axis=1)).all(axis=1))
     turned = np.zeros(clip.frame_count)
     turned[recorded] = np.unwrap(np.arctan2(facing_w[recorded, 1], facing_w[recorded, 0]))
-    path = bridge(np.column_stack([root_w, turned]), recorded, clip.fps, bridge_s)
-    known = np.logical_or(recorded, short_gaps(recorded, clip.fps, bridge_s))
-    return _measured(path[:, :3], path[:, 3], recorded, known, clip.fps, velocity_s, facing_s)
-
-
-def _measured(
-    root_w: Float[np.ndarray, "t 3"],
-    turned: Float[np.ndarray, " t"],
-    recorded: Bool[np.ndarray, " t"],
-    known: Bool[np.ndarray, " t"],
-    fps: float,
-    velocity_s: float,
-    facing_s: float,
-) -> PlanarMotion:
-    """The signals from path and unwrapped facing in the frames that are `known`."""
+    path = bridge(np.column_stack([root_w, turned]), recorded, fps, bridge_s)
+    known = np.logical_or(recorded, short_gaps(recorded, fps, bridge_s))
     velocity_w, yaw, yaw_rate = np.zeros((len(known), 2)), np.zeros(len(known)), np.zeros(len(known))
     valid = np.zeros(len(known), dtype=bool)
-    for start, stop in _stretches(root_w, known, fps):
+    for start, stop in _stretches(path[:, :3], known, fps):
         if stop - start < max(2, round(velocity_s * fps)):
             continue
         part = slice(start, stop)
         valid[part] = True
-        velocity_w[part] = _mean(time_series.derivative(root_w[part, :2], fps), velocity_s, fps)
-        yaw[part] = _mean_of_trend(turned[part], facing_s, fps)
+        velocity_w[part] = time_series.moving_mean(time_series.derivative(path[part, :2], fps), _odd(velocity_s * fps))
+        yaw[part] = _mean_of_trend(path[part, 3], facing_s, fps)
         yaw_rate[part] = time_series.derivative(yaw[part], fps)
     cos, sin = np.cos(yaw), np.sin(yaw)
     return PlanarMotion(
@@ -148,8 +135,13 @@ def _root_and_facing(clip: HumanClip | RobotClip) -> tuple[np.ndarray, np.ndarra
     if isinstance(clip, RobotClip):
         yaw = rotation.yaw_of(clip.root_quat_w)
         return clip.root_pos_w, np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    return clip.pos("pelvis"), facing_of(clip)
+
+
+def facing_of(clip: HumanClip) -> np.ndarray:
+    """Horizontal normal of the line between a person's hips (t, 2), unit."""
     left = clip.pos("left_hip") - clip.pos("right_hip")
-    return clip.pos("pelvis"), rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
+    return rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
 
 
 def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[int, int]]:
@@ -163,11 +155,6 @@ def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[
     return pieces
 
 
-def _mean(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
-    """Moving mean over the odd number of frames nearest to `width_s`."""
-    return time_series.moving_mean(values, _odd(width_s * fps))
-
-
 def _mean_of_trend(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
     """Moving mean with the ends extended by point reflection, for values with a trend."""
     half = min(_odd(width_s * fps) // 2, len(values) - 1)
@@ -178,6 +165,7 @@ def _mean_of_trend(values: np.ndarray, width_s: float, fps: float) -> np.ndarray
 
 
 def _odd(frames: float) -> int:
+    """The nearest odd number."""
     return 2 * round((frames - 1.0) / 2.0) + 1
 
 

@@ -113,9 +113,4 @@ def contact_from_sole(sole: SoleMotion, settings: ContactSettings) -> Bool[np.nd
     ended = np.maximum.accumulate(np.where(lasts, -1, frames), axis=0)
     contact = begun > ended
     shortest = round(settings.shortest_s * sole.fps)
-    for side in range(2):
-        for wanted in (False, True):
-            for start, stop in time_series.runs(contact[:, side] == wanted):
-                if stop - start < shortest and start > 0 and stop < len(contact):
-                    contact[start:stop, side] = not wanted
-    return contact
+    return np.stack([time_series.without_short_runs(side, shortest) for side in contact.T], axis=1)

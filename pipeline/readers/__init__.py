@@ -1,16 +1,16 @@
 """Readers: motion files of every known format in, clips on the canonical skeleton out."""
 
 from pipeline.readers.listing import (
-    Listing,
     content_digest,
     list_files,
     list_motion_files,
+    read_reference,
     refuse_outside_link,
     source_warnings,
 )
 from pipeline.readers.match_skeleton import written_map
 from pipeline.readers.read_motion import ReadMotion, read_motion
-from pipeline.readers.remembered import SourceLostError, SourcesInUse, sources_in_use
+from pipeline.readers.remembered import SourcesInUse, sources_in_use
 from pipeline.readers.source import (
     NOTHING_STATED,
     FileStatement,
@@ -19,16 +19,12 @@ from pipeline.readers.source import (
     read_sources,
     sources_of_environment,
 )
-from pipeline.readers.tracked import Reference, read_reference
 
 __all__ = [
     "NOTHING_STATED",
     "FileStatement",
-    "Listing",
     "ReadMotion",
-    "Reference",
     "Source",
-    "SourceLostError",
     "SourcesInUse",
     "Statement",
     "content_digest",

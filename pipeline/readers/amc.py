@@ -18,8 +18,7 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files import page_memory
-from pipeline.readers.poses import TreePoses
-from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.raw_motion import RawMotion, TreePoses, parent_indices
 from pipeline.readers.text_file import MAX_FRAMES, open_text, read_lines, read_number
 
 MAX_BONES = 500
@@ -139,18 +138,21 @@ CMU_RATE_HZ = 120.0
 CMU_BONES = ("lhipjoint", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "lclavicle")
 """Bones that the skeletons of the CMU recordings have."""
 
-_AXES = {"x": 0, "y": 1, "z": 2}
-
 
 def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
     """A motion and its skeleton. Raises FileError with the line."""
     asf = find_asf(path, stated_asf)
     bones = read_asf(asf)
     order = ordered(asf, bones)
-    columns = _columns(bones)
+    columns, first = {}, 0
+    for name, bone in bones.items():
+        if bone.dof:
+            columns[name] = slice(first, first + len(bone.dof))
+            first += len(bone.dof)
     rows = _read_frames(path, columns)
-    parents = tuple(-1 if (parent := bones[name].parent) is None else order.index(parent) for name in order)
-    offsets = np.array([_joint_offset(bones, name) for name in order])
+    parents = parent_indices({name: bones[name].parent for name in order})
+    ends = {name: bone.direction * bone.length for name, bone in bones.items()}  # where the children's joints are
+    offsets = np.array([ends.get(bones[name].parent or "", np.zeros(3)) for name in order])
     place = [columns["root"].start + bones["root"].dof.index(f"t{axis}") for axis in "xyz"]
 
     def local(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
@@ -167,9 +169,8 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
         poses=TreePoses(
             parents=parents,
             offsets=offsets,
-            frame_count=len(rows),
+            rows=(rows,),
             local=local,
-            release=lambda stop: page_memory.forget(rows, stop),
         ),
         fps=None,
         assumed_fps=CMU_RATE_HZ if set(CMU_BONES) <= set(order) else None,
@@ -181,10 +182,9 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
 def find_asf(path: Path, stated: str | None) -> Path:
     """The ASF of an AMC: stated, of the same name, of the same subject number, or the only one beside it."""
     if stated is not None:
-        asf = path.parent / stated
-        if not asf.is_file():
+        if not (path.parent / stated).is_file():
             raise FileError(path, f"the stated ASF '{stated}' does not exist.")
-        return asf
+        return path.parent / stated
     beside = sorted(entry for entry in path.parent.iterdir() if entry.suffix.lower() == ".asf")
     for stem in (path.stem, path.stem.split("_")[0]):
         for asf in beside:
@@ -209,17 +209,11 @@ def _subject_note(path: Path, asf: Path) -> tuple[Reason, ...]:
     return (Reason(code="skeleton_mismatch", text=text, effect="rejected"),)
 
 
-def _joint_offset(bones: dict[str, Bone], name: str) -> np.ndarray:
-    """Place of a bone's joint in its parent's frame: the parent's end."""
-    parent = bones[name].parent
-    return np.zeros(3) if parent is None else bones[parent].direction * bones[parent].length
-
-
 def _euler(angles: np.ndarray, order: str) -> np.ndarray:
     """Quaternions of angles (t, 3) [rad] given in `order`; the first is applied first (order xyz: Rz Ry Rx)."""
     turn = rotation.IDENTITY
     for column, axis in enumerate(order):
-        turn = rotation.multiply(rotation.from_axis_angle(np.eye(3)[_AXES[axis]], angles[..., column]), turn)
+        turn = rotation.multiply(rotation.from_axis_angle(np.eye(3)["xyz".index(axis)], angles[..., column]), turn)
     return turn
 
 
@@ -231,16 +225,6 @@ def _local_quat(bone: Bone, values: np.ndarray) -> np.ndarray:
             angles[:, bone.axis_order.index(name[1])] = np.deg2rad(values[:, column])
     frame = _euler(np.deg2rad(bone.axis_deg), bone.axis_order)
     return rotation.multiply(rotation.multiply(frame, _euler(angles, bone.axis_order)), rotation.conjugate(frame))
-
-
-def _columns(bones: dict[str, Bone]) -> dict[str, slice]:
-    """Columns of each bone that moves."""
-    columns, first = {}, 0
-    for name, bone in bones.items():
-        if bone.dof:
-            columns[name] = slice(first, first + len(bone.dof))
-            first += len(bone.dof)
-    return columns
 
 
 def _read_frames(path: Path, columns: dict[str, slice]) -> Float[np.ndarray, "t c"]:
@@ -279,12 +263,7 @@ def _check_whole(path: Path, count: int, seen: set[str], columns: dict[str, slic
 
 
 def _bone_values(
-    path: Path,
-    row: Float[np.ndarray, " c"],
-    seen: set[str],
-    columns: dict[str, slice],
-    words: list[str],
-    line: int,
+    path: Path, row: Float[np.ndarray, " c"], seen: set[str], columns: dict[str, slice], words: list[str], line: int
 ) -> None:
     """Write the values of one line into its frame's row. Raises FileError."""
     name = words[0]

@@ -11,23 +11,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.files import page_memory
-from pipeline.readers.poses import CHANNELS, ChannelPoses
-from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, blocks, open_text, read_number, read_rows, to_float
+from pipeline.readers.raw_motion import CHANNELS, ChannelPoses, RawMotion
+from pipeline.readers.text_file import MAX_FRAMES, check_numbers, open_text, read_number, read_table, to_float
 from pipeline.readers.velocity_rate import printed_rate
 
 MAX_JOINTS = 1000
 MAX_DEPTH = 200
-
-ROWS_AT_ONCE = 4096
-"""Rows that are parsed together."""
 
 
 @dataclass
@@ -131,44 +126,30 @@ class _Header:
         self.joints[self.open[-1]].channels = channels
 
 
-@dataclass(frozen=True, kw_only=True)
-class _MotionHeader:
-    """The lines between MOTION and the rows."""
-
-    frames: int
-    """As declared."""
-    fps: float | None
-    """Frames per second [Hz]; None where the file has none that can be one."""
-    rate_fault: FileError | None
-    notes: tuple[Reason, ...]
-
-
 def read_bvh(path: Path) -> RawMotion:
     """A BVH file as joints in its own unit and axes. Raises FileError with the line."""
     text = open_text(path)
     lines = enumerate(text.lines(), start=1)
     joints = _read_hierarchy(path, lines)
-    header, lines = _read_motion_header(path, lines)
+    parents = tuple(joint.parent for joint in joints)
+    offsets = np.array([joint.offset for joint in joints], dtype=float)
+    frames, rate, lines = _read_motion_header(path, lines)
     columns = sum(len(joint.channels) for joint in joints)
-    _check_numbers(path, header.frames, columns)
-    room = page_memory.empty((_most_rows(path, text.line_count, columns), columns))
-    values = room[: _read_values(path, lines, room)]
+    check_numbers(path, frames, columns)
+    values = read_table(path, lines, text.line_count, columns)
     return RawMotion(
         format="bvh",
         joint_names=tuple(joint.name for joint in joints),
-        parents=tuple(joint.parent for joint in joints),
-        rest_offset=np.array([joint.offset for joint in joints], dtype=float),
+        parents=parents,
+        rest_offset=offsets,
         poses=ChannelPoses(
-            parents=tuple(joint.parent for joint in joints),
-            offsets=np.array([joint.offset for joint in joints], dtype=float),
-            channels=tuple(joint.channels for joint in joints),
-            values=values,
+            parents=parents, offsets=offsets, channels=tuple(joint.channels for joint in joints), values=values
         ),
-        fps=header.fps,
-        rate_fault=header.rate_fault,
+        fps=rate.fps,
+        rate_fault=rate.fault,
         files=(path,),
         tips={joint.name: joint.tip for joint in joints if joint.tip is not None and any(joint.tip)},
-        notes=header.notes + _frame_count(path, header.frames, len(values)),
+        notes=rate.notes + _frame_count(path, frames, len(values)),
     )
 
 
@@ -205,10 +186,16 @@ def _checked(header: _Header, line: int) -> list[_Joint]:
     return header.joints
 
 
-def _read_motion_header(
-    path: Path, lines: Iterator[tuple[int, str]]
-) -> tuple[_MotionHeader, Iterator[tuple[int, str]]]:
-    """Declared frames and rate, and the lines that follow."""
+class _Rate(NamedTuple):
+    """Frames per second as declared [Hz], or what is wrong with it."""
+
+    fps: float | None = None
+    fault: FileError | None = None
+    notes: tuple[Reason, ...] = ()
+
+
+def _read_motion_header(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[int, _Rate, Iterator[tuple[int, str]]]:
+    """Declared number of frames and rate, and the lines that follow."""
     found: dict[str, tuple[str, int]] = {}
     expected, number, rest = "MOTION is followed by 'Frames:' and 'Frame Time:'.", 0, lines
     for number, line in lines:
@@ -232,7 +219,7 @@ def _read_motion_header(
     do = "Correct it, or state `fps:` for the file."
     if "frame time" not in found:
         fault = FileError(path, f"there is no Frame Time. {expected}", do, number)
-        return _MotionHeader(frames=int(count), fps=None, rate_fault=fault, notes=()), rest
+        return int(count), _Rate(fault=fault), rest
     printed, line = found["frame time"]
     try:
         frame_time_s = to_float(printed)
@@ -240,34 +227,9 @@ def _read_motion_header(
         frame_time_s = np.nan
     if not 1e-4 <= frame_time_s <= 1.0:
         fault = FileError(path, f"Frame Time is '{printed[:40]}', wanted 0.0001 to 1 s.", do, line)
-        return _MotionHeader(frames=int(count), fps=None, rate_fault=fault, notes=()), rest
+        return int(count), _Rate(fault=fault), rest
     fps, notes = printed_rate(printed)
-    return _MotionHeader(frames=int(count), fps=fps, rate_fault=None, notes=notes), rest
-
-
-def _most_rows(path: Path, lines: int, columns: int) -> int:
-    """Rows that a file of so many lines can hold at most: a number takes two bytes."""
-    by_size = path.stat().st_size // (2 * columns) + 1
-    return min(lines, by_size, MAX_FRAMES + 1, MAX_NUMBERS // columns + 1)
-
-
-def _check_numbers(path: Path, frames: int, columns: int) -> None:
-    """Raises FileError for more frames or numbers than a file may hold."""
-    if frames * columns > MAX_NUMBERS or frames > MAX_FRAMES:
-        problem = f"{frames} frames of {columns} numbers are more than the {MAX_NUMBERS} allowed."
-        raise FileError(path, problem, "Split it.")
-
-
-def _read_values(path: Path, lines: Iterator[tuple[int, str]], room: Float[np.ndarray, "t c"]) -> int:
-    """Read all rows below the header into `room`; how many there are. Raises FileError with the line."""
-    columns, count = room.shape[1], 0
-    number, peeked = next(lines, (0, ""))
-    for block, last in blocks(chain([peeked], (line for _, line in lines)), ROWS_AT_ONCE):
-        part = read_rows(path, block, number, columns, last)
-        _check_numbers(path, count + len(part), columns)
-        room[count : count + len(part)] = part
-        count, number = count + len(part), number + len(block)
-    return count
+    return int(count), _Rate(fps=fps, notes=notes), rest
 
 
 def _frame_count(path: Path, declared: int, rows: int) -> tuple[Reason, ...]:
@@ -280,5 +242,4 @@ def _frame_count(path: Path, declared: int, rows: int) -> tuple[Reason, ...]:
     if rows == declared:
         return ()
     text = f"the header declares {declared} frames, the file holds {rows} whole rows; all of them are read"
-    reason = Reason(code="frame_count", text=text, effect="noted", value=float(rows), limit=float(declared))
-    return (reason,)
+    return (Reason(code="frame_count", text=text, effect="noted", value=float(rows), limit=float(declared)),)

@@ -6,7 +6,6 @@ damaged files that it was tried with.) Analog channels are passed over, as are a
 
 from __future__ import annotations
 
-import struct
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,29 +17,15 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES, PARENTS
+from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.npz import raise_fault_of_disk
+from pipeline.files.npz import DAMAGED_FILE, first_words, raise_fault_of_disk
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
-from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
+from pipeline.readers.raw_motion import Poses, RawMotion, World, refuse_pose
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
-
-DAMAGED_C3D = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    NameError,
-    OSError,
-    struct.error,
-    TypeError,
-    ValueError,
-)
-"""What the library raises on damaged files."""
 
 FARTHEST = 1e7
 """A coordinate beyond this, in the file's unit, is none: 10 km in millimetres."""
@@ -51,7 +36,7 @@ MEASURED_FRAMES = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointPoses:
+class PointPoses(Poses):
     """World poses of the canonical bodies from points, worked out for the frames that are requested."""
 
     names: tuple[str, ...]
@@ -63,13 +48,9 @@ class PointPoses:
         return len(self.values)
 
     def forget(self, stop: int) -> None:
-        """Free the memory of the frames before `stop`, which are not requested again."""
         page_memory.forget(self.values, stop)
 
-    def world(
-        self, joints: Sequence[int], start: int, stop: int
-    ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
-        """Positions and orientations of some bodies in frames [start, stop)."""
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         stop = min(stop, self.frame_count)
         pos, quat = np.empty((stop - start, len(joints), 3)), np.empty((stop - start, len(joints), 4))
         for first in range(start, stop, FRAMES_AT_ONCE):
@@ -90,15 +71,15 @@ def read_c3d(path: Path) -> RawMotion:
         frames, rate = _frame_count(path, reader), _rate(path, reader)
         values = page_memory.empty((frames, 3 * len(columns)))
         _read_points(path, reader, tuple(columns.values()), values)
-        declared = _text(reader, "POINT", "UNITS")
+        units = reader.get("POINT:UNITS")
+        declared = "" if units is None else str(units.string_value).strip(" \0")
     poses = PointPoses(names=tuple(columns), values=values)
-    parents = tuple(BODIES.index(PARENTS[name]) if name in PARENTS else -1 for name in BODIES)
-    offsets = _rest_offsets(path, poses, parents)
+    offsets = _rest_offsets(path, poses)
     unit, notes = _unit(declared, offsets)
     return RawMotion(
         format="c3d",
         joint_names=BODIES,
-        parents=parents,
+        parents=PARENT,
         rest_offset=offsets,
         poses=poses,
         fps=rate,
@@ -117,9 +98,9 @@ def _faults(path: Path) -> Iterator[None]:
             yield
     except FileError:
         raise
-    except DAMAGED_C3D as error:
+    except DAMAGED_FILE as error:
         raise_fault_of_disk(error)
-        says = " ".join(f"{type(error).__name__} {str(error)[:100]}".encode("ascii", "replace").decode().split())
+        says = first_words(f"{type(error).__name__} {error}")
         raise FileError(path, f"it is not a C3D file that can be read: {says}.") from error
 
 
@@ -176,8 +157,7 @@ def _frame_count(path: Path, reader: c3d.Reader) -> int:
     """Frames of the file, checked against its size before memory is taken. Raises FileError."""
     frames, points = int(reader.last_frame) - int(reader.first_frame) + 1, int(reader.point_used)
     word = 4 if reader.point_scale < 0 else 2
-    if frames < MIN_FRAMES:
-        raise FileError(path, f"the file has {counted(max(frames, 0))}, which is no motion.")
+    refuse_pose(path, max(frames, 0))
     if frames > MAX_FRAMES or 3 * frames * points > 10 * MAX_NUMBERS:
         raise FileError(path, f"{frames} frames of {points} points are more than are allowed.", "Split it.")
     if frames * points * 4 * word > path.stat().st_size:
@@ -199,11 +179,11 @@ def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], value
         raise FileError(path, problem, "It was cut off; export it again.")
 
 
-def _rest_offsets(path: Path, poses: PointPoses, parents: tuple[int, ...]) -> Float[np.ndarray, "19 3"]:
+def _rest_offsets(path: Path, poses: PointPoses) -> Float[np.ndarray, "19 3"]:
     """Place of each body in its parent's frame, the median over frames. Raises FileError where no frame has it."""
     pos, quat = poses.world(range(len(BODIES)), 0, min(poses.frame_count, MEASURED_FRAMES))
     offsets = np.zeros((len(BODIES), 3))
-    for body, parent in enumerate(parents):
+    for body, parent in enumerate(PARENT):
         if parent < 0:
             continue
         local = rotation.rotate_inverse(quat[:, parent], pos[:, body] - pos[:, parent])
@@ -227,9 +207,3 @@ def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None
         f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is inferred from the leg"
     )
     return None, (Reason(code="unit", text=text, effect="noted", value=leg * METRES[unit], unit="m"),)
-
-
-def _text(reader: c3d.Reader, group: str, name: str) -> str:
-    """A parameter that is a text; empty where it is missing."""
-    found = reader.get(f"{group}:{name}")
-    return "" if found is None else str(found.string_value).strip(" \0")

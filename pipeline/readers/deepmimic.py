@@ -18,9 +18,7 @@ from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
-from pipeline.readers.joint_order import check_unit
-from pipeline.readers.poses import TreePoses
-from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.raw_motion import RawMotion, TreePoses, check_unit, parent_indices
 from pipeline.readers.text_file import MAX_FRAMES, read_text
 
 SKELETON: dict[str, tuple[str | None, tuple[float, float, float]]] = {
@@ -50,8 +48,7 @@ COLUMNS = 44
 def read_deepmimic(path: Path) -> RawMotion:
     """A DeepMimic motion. Raises FileError."""
     rows = _rows(path)
-    names = tuple(SKELETON)
-    parents = tuple(-1 if parent is None else names.index(parent) for parent, _ in SKELETON.values())
+    parents = parent_indices({joint: parent for joint, (parent, _) in SKELETON.items()})
     offsets = np.array([offset for _, offset in SKELETON.values()])
     for joint, first in _columns().items():
         if joint not in HINGES:
@@ -60,15 +57,14 @@ def read_deepmimic(path: Path) -> RawMotion:
                 check_unit(path, part, f"the quaternion of '{joint}'", start)
     return RawMotion(
         format="deepmimic",
-        joint_names=names,
+        joint_names=tuple(SKELETON),
         parents=parents,
         rest_offset=offsets,
         poses=TreePoses(
             parents=parents,
             offsets=offsets,
-            frame_count=len(rows),
+            rows=(rows,),
             local=lambda start, stop: _local(rows[start:stop]),
-            release=lambda stop: page_memory.forget(rows, stop),
         ),
         fps=_rate(path, rows[:, 0]),
         files=(path,),

@@ -22,8 +22,7 @@ from pipeline.files import page_memory
 from pipeline.files.array_file import finite_rows
 from pipeline.readers.bvh import MAX_DEPTH, MAX_JOINTS
 from pipeline.readers.gltf_file import GltfFile, open_gltf
-from pipeline.readers.poses import with_ancestors
-from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.raw_motion import Poses, RawMotion, World, along_tree
 from pipeline.readers.text_file import MAX_FRAMES
 from pipeline.readers.velocity_rate import STANDARD_HZ
 
@@ -89,7 +88,7 @@ class Node:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NodePoses:
+class NodePoses(Poses):
     """World poses of nodes, worked out for the requested ones."""
 
     nodes: tuple[Node, ...]
@@ -112,23 +111,16 @@ class NodePoses:
             for track in node.tracks.values():
                 track.forget(float(self.times[stop]))
 
-    def world(
-        self, joints: Sequence[int], start: int, stop: int
-    ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
-        """Positions and orientations of some nodes in frames [start, stop)."""
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         times = self.times[start:stop]
-        done: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        for index in with_ancestors(joints, [node.parent for node in self.nodes]):
+
+        def local(index: int) -> tuple[np.ndarray, np.ndarray]:
             node = self.nodes[index]
             place = node.sampled("translation", node.place, times)
             quat = rotation.normalize(node.sampled("rotation", node.quat[[1, 2, 3, 0]], times)[:, [3, 0, 1, 2]])
-            if node.parent >= 0:
-                above, turn = done[node.parent]
-                place = above + rotation.rotate(turn, place * self.scale[node.parent])
-                quat = rotation.multiply(turn, quat)
-            done[index] = place, quat
-        found = [done[index] for index in joints]
-        pos, quat = np.stack([each[0] for each in found], axis=1), np.stack([each[1] for each in found], axis=1)
+            return (place * self.scale[node.parent] if node.parent >= 0 else place), quat
+
+        pos, quat = along_tree(joints, [node.parent for node in self.nodes], local)
         return pos, rotation.multiply(quat, rotation.conjugate(self.bind_quat[list(joints)]))
 
 
@@ -144,7 +136,7 @@ def read_gltf(path: Path) -> RawMotion:
         scale[number] = node.scale * (scale[node.parent] if node.parent >= 0 else 1.0)
     place, quat = _bind_pose(file, nodes, index, scale)
     parents = tuple(node.parent for node in nodes)
-    above = np.array([place[parent] if parent >= 0 else place[0] for parent in parents])
+    above = place[[max(parent, 0) for parent in parents]]
     return RawMotion(
         format="gltf",
         joint_names=tuple(node.name for node in nodes),
@@ -312,13 +304,13 @@ def _bind_pose(
     file: GltfFile, nodes: tuple[Node, ...], index: list[int], scale: Float[np.ndarray, " j"]
 ) -> tuple[Float[np.ndarray, "j 3"], Float[np.ndarray, "j 4"]]:
     """World places and orientations wxyz of the nodes in the skin's bind pose; as the nodes are, where it has none."""
-    place, quat = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 4))
-    for number, node in enumerate(nodes):
-        place[number], quat[number] = node.place, node.quat
-        if node.parent >= 0:
-            above = node.parent
-            place[number] = place[above] + rotation.rotate(quat[above], node.place * scale[above])
-            quat[number] = rotation.multiply(quat[above], node.quat)
+
+    def local(index: int) -> tuple[np.ndarray, np.ndarray]:
+        node = nodes[index]
+        above = scale[node.parent] if node.parent >= 0 else 1.0
+        return node.place[None] * above, node.quat[None]
+
+    (place,), (quat,) = along_tree(range(len(nodes)), [node.parent for node in nodes], local)
     skin = max(file.items("skins"), key=lambda each: len(each.get("joints", [])), default={})
     if "inverseBindMatrices" not in skin:
         return place, quat
@@ -333,26 +325,13 @@ def _bind_pose(
     lengths = np.linalg.norm(bind[:, :3, :3], axis=1)
     bind_place = bind[:, :3, 3]
     bind_quat = _turn(file.path, bind[:, :3, :3] / lengths[:, None, :], "a bind matrix of the skin")
-    return _in_scale(nodes, joints, place, quat, bind_place, bind_quat)
-
-
-def _in_scale(
-    nodes: tuple[Node, ...],
-    joints: list[int],
-    place: Float[np.ndarray, "j 3"],
-    quat: Float[np.ndarray, "j 4"],
-    bind_place: Float[np.ndarray, "n 3"],
-    bind_quat: Float[np.ndarray, "n 4"],
-) -> tuple[Float[np.ndarray, "j 3"], Float[np.ndarray, "j 4"]]:
-    """Bind poses of the joints in the world's scale: a skin may be in another unit than its nodes."""
+    # in the world's scale: a skin may be in another unit than its nodes
     row = {joint: number for number, joint in enumerate(joints)}
     pairs = [(joint, nodes[joint].parent) for joint in joints if nodes[joint].parent in row]
     world = sum(float(np.linalg.norm(place[joint] - place[parent])) for joint, parent in pairs)
     bound = sum(float(np.linalg.norm(bind_place[row[joint]] - bind_place[row[parent]])) for joint, parent in pairs)
     ratio = world / bound if world > 0.0 and bound > 0.0 else 1.0
-    root = joints[0]
-    place, quat = place.copy(), quat.copy()
-    origin = place[root] - ratio * bind_place[row[root]]
+    origin = place[joints[0]] - ratio * bind_place[row[joints[0]]]
     for joint in joints:
         place[joint], quat[joint] = origin + ratio * bind_place[row[joint]], bind_quat[row[joint]]
     return place, quat

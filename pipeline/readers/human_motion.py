@@ -16,13 +16,15 @@ from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, FEET, HumanClip, body
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.match_skeleton import match_skeleton
-from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
+from pipeline.readers.raw_motion import RawMotion, refuse_pose
 from pipeline.readers.skeleton_map import SkeletonMap
 from pipeline.readers.source import Statement
 from pipeline.readers.velocity_rate import frame_rate
 
 METRES: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45}
 """Metres per unit. `cmu` is the unit of the CMU recordings, 1/0.45 inch (their ASF files: `length 0.45`)."""
+
+STATE_UNIT = f"State `unit:` for it in data/sources.yaml, one of {', '.join(METRES)} or metres per unit."
 
 LEG_MIN, LEG_MAX = 0.60, 1.10
 """Hip to ankle, thigh plus shank [m]. .245 + .246 of the stature (Drillis and Contini 1966, in Winter 2009,
@@ -40,7 +42,12 @@ def find_unit(path: Path, leg: float, stated: str | None) -> tuple[str, float]:
     when the stated one does not.
     """
     if stated is not None:
-        metres = stated_metres(path, stated)
+        try:
+            metres = METRES[stated] if stated in METRES else float(stated)
+        except ValueError:
+            metres = 0.0
+        if not 1e-6 < metres < 1e3:
+            raise FileError(path, f"'{stated}' is not a unit.", STATE_UNIT)
         if not STATED_LEG_MIN <= leg * metres <= STATED_LEG_MAX:
             problem = f"with the stated unit '{stated}' a leg is {leg * metres:.3g} m long, a human's is about 0.8 m."
             raise FileError(path, problem, "Correct `unit:` in data/sources.yaml.")
@@ -49,25 +56,8 @@ def find_unit(path: Path, leg: float, stated: str | None) -> tuple[str, float]:
     if len(fitting) != 1:
         tried = ", ".join(f"{leg * metres:.3g} m in {name}" for name, metres in METRES.items())
         problem = f"the unit of length can't be inferred: a leg (hip to ankle) is {leg:.4g} units, which is {tried}."
-        raise AmbiguousFileError(path, problem, _do(METRES))
+        raise AmbiguousFileError(path, problem, STATE_UNIT)
     return fitting[0], METRES[fitting[0]]
-
-
-def stated_metres(path: Path, stated: str) -> float:
-    """Metres per stated unit: a name or a positive number. Raises FileError."""
-    if stated in METRES:
-        return METRES[stated]
-    try:
-        metres = float(stated)
-    except ValueError:
-        metres = 0.0
-    if not 1e-6 < metres < 1e3:
-        raise FileError(path, f"'{stated}' is not a unit.", _do(METRES))
-    return metres
-
-
-def _do(units: dict[str, float]) -> str:
-    return f"State `unit:` for it in data/sources.yaml, one of {', '.join(units)} or metres per unit."
 
 
 TO_Z_UP: dict[str, np.ndarray] = {
@@ -140,10 +130,8 @@ def to_human(motion: RawMotion, name: str, statement: Statement, *, consume: boo
     up axis or rate that the file does not give).
     """
     path = motion.files[0]
-    if motion.frame_count < MIN_FRAMES:
-        raise FileError(path, f"the file has {counted(motion.frame_count)}, which is no motion.")
-    matched = match_skeleton(motion, statement.skeleton)
-    motion, skeleton = matched.motion, matched.skeleton
+    refuse_pose(path, motion.frame_count)
+    skeleton, motion = match_skeleton(motion, statement.skeleton)
     unit, metres = find_unit(path, _leg_length(motion, skeleton), statement.unit or motion.unit)
     pos, quat = _bodies_in_file(motion, skeleton, consume)
     ankles = 0.5 * (pos[:, body("left_ankle")] + pos[:, body("right_ankle")])

@@ -14,10 +14,8 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
-from pipeline.readers.joint_order import check_unit
-from pipeline.readers.poses import RowPoses
-from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities
+from pipeline.readers.raw_motion import RawMotion, RowPoses, check_unit, parent_indices
+from pipeline.readers.velocity_rate import rate_of_velocities
 
 PARENTS: dict[str, str | None] = {
     "pelvis": None,
@@ -60,32 +58,24 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
     quat = header.stored_numbers("body_rotations", len(pos), len(stored), 4)
     if not len(pos):
         raise FileError(path, "the file has no frames.")
+    rate = None
+    if header.shapes.get("body_linear_velocities") == pos.shape:
+        rate = rate_of_velocities(pos, header.stored_numbers("body_linear_velocities", *pos.shape))
     poses = RowPoses(pos=pos, quat=quat, columns=tuple(stored.index(name) for name in PARENTS))
     for start in range(0, len(pos), ROWS_AT_ONCE):
         rows = finite_rows(quat, start, start + ROWS_AT_ONCE)[:, list(poses.columns)]
         check_unit(path, rows, "a body's quaternion", start)
-    names = tuple(PARENTS)
-    parents = tuple(-1 if parent is None else names.index(parent) for parent in PARENTS.values())
+    names, parents = tuple(PARENTS), parent_indices(PARENTS)
     return RawMotion(
         format="isaac_amp",
         joint_names=names,
         parents=parents,
         rest_offset=_bones(path, names, parents, *poses.world(range(len(names)), 0, MEASURED_FRAMES)),
         poses=poses,
-        fps=header.number("fps") if header.has("fps") else None,
-        rate_by_velocity=_rate_of_bodies(header, len(stored)),
+        fps=header.optional_number("fps"),
+        rate_by_velocity=rate,
         files=(path,),
         unit="m",
-    )
-
-
-def _rate_of_bodies(header: ArrayFile, bodies: int) -> VelocityRate | None:
-    """The rate that `body_linear_velocities` show."""
-    if header.shapes.get("body_linear_velocities") != header.shapes["body_positions"]:
-        return None
-    return rate_of_velocities(
-        header.stored_numbers("body_positions", None, bodies, 3),
-        header.stored_numbers("body_linear_velocities", None, bodies, 3),
     )
 
 

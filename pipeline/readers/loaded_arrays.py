@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile
-from pipeline.readers.restricted_pickle import PickledArray, load_pickle, load_torch
+from pipeline.readers.restricted_pickle import PickledArray
 
 MAX_DEPTH = 4
 """Dictionaries in each other that are looked through."""
@@ -43,17 +43,8 @@ class LoadedArrays(ArrayFile):
         return self.values[name]
 
 
-def open_pickle(path: Path) -> LoadedArrays:
-    """The one motion in a pickle. Raises FileError, or OSError of the disk."""
-    return _opened(path, load_pickle)
-
-
-def open_torch(path: Path) -> LoadedArrays:
-    """The one motion in a file of `torch.save`. Raises FileError, or OSError of the disk."""
-    return _opened(path, load_torch)
-
-
-def _opened(path: Path, load: Callable[[Path], Any]) -> LoadedArrays:
+def open_loaded(path: Path, load: Callable[[Path], Any]) -> LoadedArrays:
+    """The one motion in a file that `load_pickle` or `load_torch` reads. Raises FileError, or OSError of the disk."""
     value, assumed = load(path), None
     for _ in range(MAX_DEPTH):
         if not isinstance(value, dict):

@@ -18,23 +18,21 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import FEET
+from pipeline.clips.human_clip import BODIES, FEET
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.gltf import read_gltf
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.rest_pose import measured_map
-from pipeline.readers.roles import Roles, find_roles, without_prefix
-from pipeline.readers.skeleton_map import CANONICAL, SkeletonMap, shipped_maps, stated_map
-from pipeline.readers.unknown_skeleton import map_text, map_to_start_from, unknown_skeleton
+from pipeline.readers.roles import Roles, find_roles, measured_map, without_prefix
+from pipeline.readers.skeleton_map import CANONICAL, BodyMap, SkeletonMap, shipped_maps, stated_map
 
 MIN_COSINE = np.cos(np.deg2rad(35.0))
 """How well the rest pose has to agree with quarter turns: 45 degrees is halfway between no turn and a quarter turn."""
@@ -56,14 +54,13 @@ def _quarter_turns(motion: RawMotion, skeleton: SkeletonMap) -> Float[np.ndarray
     bodies = skeleton.bodies
     pelvis = bodies["pelvis"].joint
     try:
-        left = motion.offset_between(pelvis, bodies["left_hip"].joint)
-        right = motion.offset_between(pelvis, bodies["right_hip"].joint)
-        head = motion.offset_between(pelvis, bodies["head"].joint)
+        left, right, head = (
+            motion.offset_between(pelvis, bodies[name].joint) for name in ("left_hip", "right_hip", "head")
+        )
     except KeyError:
         return np.eye(3)
-    expected = rotation.to_matrix(skeleton.rest_frame(motion, "pelvis")) @ np.column_stack(
-        [CANONICAL["left"], CANONICAL["up"]]
-    )
+    (pelvis_rest,) = skeleton.rest_frames(motion, ("pelvis",))
+    expected = rotation.to_matrix(pelvis_rest) @ np.column_stack([CANONICAL["left"], CANONICAL["up"]])
     found = np.column_stack([rotation.normalize(left - right), rotation.normalize(head - 0.5 * (left + right))])
     fits = [turn for turn in _ALL_TURNS if np.sum((turn @ expected) * found, axis=0).min() > MIN_COSINE]
     return fits[0] if len(fits) == 1 else np.eye(3)
@@ -127,16 +124,8 @@ def leg_misfit(motion: RawMotion, skeleton: SkeletonMap) -> float:
 
 
 COMPARED = (
-    "pelvis",
-    "chest",
-    "left_hip",
-    "right_hip",
-    "left_knee",
-    "right_knee",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
+    *("pelvis", "chest", "left_hip", "right_hip", "left_knee", "right_knee"),
+    *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
 )
 """Bodies whose axes are compared: they show a map of another rest pose or of other bone axes."""
 
@@ -148,16 +137,8 @@ BONE_COSINE = 0.8
 """How well the bones of trunk and feet have to lie along the axes that a map gives them."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Matched:
-    """A motion whose joints have the names and axes that the map uses."""
-
-    skeleton: SkeletonMap
-    motion: RawMotion
-
-
-def match_skeleton(motion: RawMotion, stated: str | None = None) -> Matched:
-    """The map of a motion, or the one that is stated (a name or a `.yaml` file).
+def match_skeleton(motion: RawMotion, stated: str | None = None) -> tuple[SkeletonMap, RawMotion]:
+    """The map of a motion, or the one that is stated (a name or a `.yaml` file), and the motion with its joints' names.
 
     Raises FileError for an unknown skeleton, AmbiguousFileError where several maps fit and the poses fit each of them.
     """
@@ -171,7 +152,7 @@ def match_skeleton(motion: RawMotion, stated: str | None = None) -> Matched:
         fitting = [one for one in fitting if _axes_agree(bare, one, *measured)]
     best = [one for one in fitting if not any(one.joints < other.joints for other in fitting)]
     if not best and measured is not None:
-        return Matched(skeleton=measured[0], motion=measured[1])
+        return measured
     if not best and roles.complete:
         best = _along_bones(bare, roles)
     if not best:
@@ -181,15 +162,15 @@ def match_skeleton(motion: RawMotion, stated: str | None = None) -> Matched:
     if len(best) > 1:
         found = ", ".join(skeleton.name for skeleton in best)
         raise AmbiguousFileError(path, f"several skeletons fit: {found}.", "State `skeleton:` in data/sources.yaml.")
-    return Matched(skeleton=best[0], motion=with_axes_of_map(bare, best[0]))
+    return best[0], with_axes_of_map(bare, best[0])
 
 
-def _stated(motion: RawMotion, bare: RawMotion, stated: str) -> Matched:
+def _stated(motion: RawMotion, bare: RawMotion, stated: str) -> tuple[SkeletonMap, RawMotion]:
     """The stated map, which may name the joints with or without what they all begin with."""
     skeleton = stated_map(motion.files[0], stated)
     for each in (motion, bare):
         if skeleton.joints <= set(each.joint_names):
-            return Matched(skeleton=skeleton, motion=with_axes_of_map(each, skeleton))
+            return skeleton, with_axes_of_map(each, skeleton)
     missing = ", ".join(sorted(skeleton.joints - set(bare.joint_names)))
     raise FileError(motion.files[0], f"the stated skeleton '{stated}' needs joints that the file lacks: {missing}.")
 
@@ -242,6 +223,84 @@ def _bones_agree(motion: RawMotion, one: SkeletonMap, roles: Roles) -> bool:
     return bool(min(upright, left @ rotation.normalize(sides[0] - sides[1])) > BONE_COSINE)
 
 
+LISTED = 12
+"""Names that a message lists at most."""
+
+OPEN = "FILL_IN"
+"""Stands in a map to start from for a joint that a person has to name."""
+
+MAP_AXES: dict[str, dict[str, str]] = {
+    "hip": {"down": "knee", "left": "x"},
+    "knee": {"down": "ankle", "left": "x"},
+    "ankle": {"ahead": "z", "left": "x"},
+    "toe": {"ahead": "z", "left": "x"},
+    "shoulder": {"down": "elbow", "ahead": "z"},
+    "elbow": {"down": "wrist", "ahead": "z"},
+    "wrist": {"down": "x", "ahead": "z"},
+}
+"""Directions of the limbs' bodies in a y-up file with stretched arms; names of parts stand for their joints."""
+
+
+def unknown_skeleton(names: Sequence[str], roles: Roles) -> tuple[str, str]:
+    """Problem and remedy: the closest map, the joints that differ, and what the tree contradicts."""
+    have = set(names)
+    closest = max(shipped_maps().values(), key=lambda one: (len(one.joints & have) / len(one.joints), one.name))
+    missing = ", ".join(sorted(closest.joints - have)) or "none"
+    extra = [name[:40] for name in names if name not in closest.joints]
+    more = f" and {len(extra) - LISTED} more" if len(extra) > LISTED else ""
+    needed = [body for body in roles.missing if not body.endswith(("toe", "wrist"))]
+    unfound = [body for body in needed if "_" in body or body == "head"] or needed
+    parts = [f"no joint is known as {', '.join(unfound)}"] if unfound else list(roles.faults[:3])
+    if not parts:
+        parts = ["its rest pose is none that a person could stand in"]
+    problem = (
+        f"unknown skeleton of {len(names)} joints: {'; '.join(parts)}. Closest is '{closest.name}'; "
+        f"missing: {missing}; not in it: {', '.join(extra[:LISTED]) or 'none'}{more}."
+    )
+    do = (
+        "Print a map to start from with `booster-lab inspect FILE --write-map`, complete it (docs/sources.md) and "
+        "state it as `skeleton:` in data/sources.yaml."
+    )
+    return problem, do
+
+
+def map_text(title: str, bodies: Mapping[str, BodyMap]) -> str:
+    """A skeleton map as YAML."""
+    lines = ['# Axes and pitch_deg: see docs/sources.md, "Skeleton maps".', f"title: {title}", "bodies:"]
+    for body in BODIES:
+        each = bodies[body]
+        parts = {"joint": each.joint, **each.directions()}
+        fields = [f"{key}: {_quoted(value)}" for key, value in parts.items()]
+        if each.pitch_deg:
+            fields.append(f"pitch_deg: {each.pitch_deg:g}")
+        if any(each.offset):
+            fields.append(f"offset: [{', '.join(f'{value:g}' for value in each.offset)}]")
+        lines.append(f"  {body}: {{{', '.join(fields)}}}")
+    return "\n".join(lines) + "\n"
+
+
+def map_to_start_from(names: Sequence[str], roles: Roles) -> str:
+    """A map with the joints that are known filled in and `FILL_IN` for the others."""
+    joint = {body: names[index] for body, index in roles.joints.items()}
+    bodies = {}
+    for body in BODIES:
+        side, _, part = body.partition("_")
+        directions = MAP_AXES.get(part, {"up": "y", "left": "x"})
+        known: dict[str, Any] = {
+            way: joint.get(f"{side}_{value}", OPEN) if value in MAP_AXES else value for way, value in directions.items()
+        }
+        if (side, part) == ("right", "wrist"):
+            known["down"] = "-x"
+        bodies[body] = BodyMap(joint=joint.get(body, OPEN), **known)
+    listed = "".join(f"#   {name}\n" for name in names)
+    return f"# Joints of the file:\n{listed}{map_text('What this skeleton is', bodies)}"
+
+
+def _quoted(value: str) -> str:
+    """A YAML scalar; quoted where it is not a plain word."""
+    return value if value.replace("_", "").replace("-", "").isalnum() else '"' + value.replace('"', "'") + '"'
+
+
 READERS = {".bvh": read_bvh, ".glb": read_gltf, ".gltf": read_gltf}
 """Readers of formats whose skeletons may need a map of their own."""
 
@@ -258,7 +317,7 @@ def written_map(path: Path, stated: str | None = None) -> str:
     motion: RawMotion = reader(path)
     bare = motion.renamed(without_prefix(motion.joint_names))
     try:
-        skeleton = match_skeleton(motion, stated).skeleton
+        skeleton, _ = match_skeleton(motion, stated)
     except FileError:
         roles = find_roles(bare.joint_names, bare.parents, bare.rest_offset)
         return map_to_start_from(bare.joint_names, roles)

@@ -1,9 +1,13 @@
-"""What a format's reader hands over: named joints in the file's own unit and axes, over time."""
+"""What a format's reader returns: named joints in the file's own unit and axes, over time.
+
+Their world poses are computed for the requested joints and frames; others take no memory.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,8 +17,203 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.readers.poses import Poses, TipPoses
+from pipeline.files import page_memory
+from pipeline.files.array_file import finite_rows
 from pipeline.readers.velocity_rate import VelocityRate
+
+World = tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]
+"""Positions in the file's unit and orientations wxyz of n joints in the file's world."""
+
+
+class Poses(ABC):
+    """T frames of J joints."""
+
+    @property
+    @abstractmethod
+    def frame_count(self) -> int:
+        """T."""
+
+    @abstractmethod
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
+        """Poses of some joints in frames [start, stop)."""
+
+    @abstractmethod
+    def forget(self, stop: int) -> None:
+        """Free the memory of the frames before `stop` where that is possible; they are not requested again."""
+
+
+def along_tree(
+    joints: Sequence[int], parents: Sequence[int], local: Callable[[int], tuple[np.ndarray, np.ndarray]]
+) -> World:
+    """Poses of joints from the place (t, 3) and orientation (t, 4) of a joint in its parent's frame (`local`)."""
+    pos: dict[int, np.ndarray] = {}
+    quat: dict[int, np.ndarray] = {}
+    for joint in with_ancestors(joints, parents):
+        pos[joint], quat[joint] = local(joint)
+        parent = parents[joint]
+        if parent >= 0:
+            pos[joint] = pos[parent] + rotation.rotate(quat[parent], pos[joint])
+            quat[joint] = rotation.multiply(quat[parent], quat[joint])
+    return np.stack([pos[joint] for joint in joints], axis=1), np.stack([quat[joint] for joint in joints], axis=1)
+
+
+def with_ancestors(joints: Sequence[int], parents: Sequence[int]) -> list[int]:
+    """The joints and all above them, parents first, in a tree whose parents come before their children."""
+    found: set[int] = set()
+    for joint in joints:
+        while joint >= 0 and joint not in found:
+            found.add(joint)
+            joint = parents[joint]
+    return sorted(found)
+
+
+def parent_indices(parents: Mapping[str, str | None]) -> tuple[int, ...]:
+    """Index of each joint's parent, -1 for a root, of a tree that maps each joint to its parent."""
+    order = list(parents)
+    return tuple(-1 if parent is None else order.index(parent) for parent in parents.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreePoses(Poses):
+    """Poses of a tree of joints that turn about fixed places in their parents' frames.
+
+    They are computed from rows of numbers for the requested frames.
+    """
+
+    parents: tuple[int, ...]
+    """Index of each joint's parent, -1 for the root; a parent comes before its children."""
+    offsets: Float[np.ndarray, "j 3"]
+    """Place of each joint in its parent's frame, in the file's unit; of the root it is not used."""
+    rows: tuple[np.ndarray, ...]
+    """Arrays of a row each frame that the poses are computed from."""
+    local: Callable[[int, int], tuple[np.ndarray, np.ndarray]]
+    """Places of the root (t, 3) and orientations wxyz of all joints in their parents' frames (t, j, 4) in frames
+    [start, stop)."""
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.rows[0])
+
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
+        root, quat = self.local(start, min(stop, self.frame_count))
+        offsets = np.broadcast_to(self.offsets, (len(root), *self.offsets.shape))
+        return along_tree(
+            joints,
+            self.parents,
+            lambda joint: (offsets[:, joint] if self.parents[joint] >= 0 else root, quat[:, joint]),
+        )
+
+    def forget(self, stop: int) -> None:
+        for rows in self.rows:
+            page_memory.forget(rows, stop)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowPoses(Poses):
+    """World poses that a file holds, converted to numbers for the requested frames."""
+
+    pos: np.ndarray
+    """Positions (t, b, 3) as the file stores them, in its unit."""
+    quat: np.ndarray
+    """Orientations wxyz (t, b, 4), likewise."""
+    columns: tuple[int, ...]
+    """Which body each joint is."""
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.pos)
+
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
+        columns = [self.columns[joint] for joint in joints]
+        pos, quat = (finite_rows(each, start, stop)[:, columns] for each in (self.pos, self.quat))
+        return pos, rotation.normalize(quat)
+
+    def forget(self, stop: int) -> None:
+        page_memory.forget(self.pos, stop)
+        page_memory.forget(self.quat, stop)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipPoses(Poses):
+    """Poses with one more joint at the rigid end of some of the joints (a BVH's End Site)."""
+
+    poses: Poses
+    count: int
+    """Joints of `poses`; the tips come after them."""
+    tips: tuple[tuple[int, tuple[float, float, float]], ...]
+    """Joint that carries each tip, and the tip's place in its frame in the file's unit."""
+
+    @property
+    def frame_count(self) -> int:
+        return self.poses.frame_count
+
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
+        """Poses of joints and tips; a tip turns with its joint."""
+        carriers = [each if each < self.count else self.tips[each - self.count][0] for each in joints]
+        pos, quat = self.poses.world(carriers, start, stop)
+        for column, each in enumerate(joints):
+            if each >= self.count:
+                place = np.array(self.tips[each - self.count][1])
+                pos[:, column] = pos[:, column] + rotation.rotate(quat[:, column], place)
+        return pos, quat
+
+    def forget(self, stop: int) -> None:
+        self.poses.forget(stop)
+
+
+CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelPoses(Poses):
+    """T rows of channel values of a tree of J joints.
+
+    A position channel replaces that component of the joint's offset; rotations are intrinsic, in the order of the
+    channels.
+    """
+
+    parents: tuple[int, ...]
+    """Index of each joint's parent, -1 for the root; a parent comes before its children."""
+    offsets: Float[np.ndarray, "j 3"]
+    channels: tuple[tuple[str, ...], ...]
+    """Names of each joint's channels (`CHANNELS`), in the order of the columns."""
+    values: Float[np.ndarray, "t c"]
+    """Lengths in the file's unit and angles [deg]."""
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.values)
+
+    def forget(self, stop: int) -> None:
+        page_memory.forget(self.values, stop)
+
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
+        needed = with_ancestors(joints, self.parents)
+        pos, quat = self._local(needed, self.values[start:stop])
+        return along_tree(joints, self.parents, lambda joint: (pos[needed.index(joint)], quat[needed.index(joint)]))
+
+    def _local(
+        self, joints: list[int], values: Float[np.ndarray, "t c"]
+    ) -> tuple[Float[np.ndarray, "n t 3"], Float[np.ndarray, "n t 4"]]:
+        """Place and orientation of joints in their parents' frames; joints of the same channels are done together."""
+        frames = len(values)
+        pos = np.broadcast_to(self.offsets[joints][:, None], (len(joints), frames, 3)).copy()
+        quat = np.broadcast_to(rotation.IDENTITY, (len(joints), frames, 4)).copy()
+        starts = np.cumsum([0, *(len(each) for each in self.channels)])
+        for channels in sorted({self.channels[joint] for joint in joints}):
+            group = [column for column, joint in enumerate(joints) if self.channels[joint] == channels]
+            first = starts[[joints[column] for column in group]]
+            turns = []
+            for place, channel in enumerate(channels):
+                column, axis = values[:, first + place].T, CHANNELS.index(channel) % 3
+                if channel.endswith("position"):
+                    pos[group, :, axis] = column
+                else:
+                    turns.append((axis, np.deg2rad(column)))
+            if turns:
+                quat[group] = rotation.from_euler(turns)
+        return pos, quat
+
 
 MIN_FRAMES = 2
 """A file with fewer frames holds a pose, not a motion."""
@@ -23,9 +222,10 @@ TIP = " (end)"
 """What is added to a joint's name for the end of its bone."""
 
 
-def counted(frames: int) -> str:
-    """`1 frame`, `12 frames`."""
-    return "1 frame" if frames == 1 else f"{frames} frames"
+def refuse_pose(path: Path, frames: int) -> None:
+    """Raises FileError for a file with too few frames."""
+    if frames < MIN_FRAMES:
+        raise FileError(path, f"the file has {'1 frame' if frames == 1 else f'{frames} frames'}, which is no motion.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,9 +266,7 @@ class RawMotion:
     def frame_count(self) -> int:
         return self.poses.frame_count
 
-    def world(
-        self, joints: Sequence[str], start: int = 0, stop: int | None = None
-    ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
+    def world(self, joints: Sequence[str], start: int = 0, stop: int | None = None) -> World:
         """Positions and orientations wxyz of some joints in frames [start, stop), in the file's world and unit."""
         columns = [self.joint_names.index(name) for name in joints]
         pos, quat = self.poses.world(columns, start, self.frame_count if stop is None else stop)
@@ -119,3 +317,20 @@ class RawMotion:
             poses=poses,
             tips={},
         )
+
+
+NORM_MIN, NORM_MAX = 0.99, 1.01
+"""Norms beyond these are no rounding: the numbers are not unit quaternions."""
+
+
+def check_unit(path: Path, quat: np.ndarray, what: str, first: int = 0) -> None:
+    """Check that quaternions (t, ..., 4) of the frames from `first` on are unit; NaN passes.
+
+    Raises FileError with the first frame that is not.
+    """
+    norm = np.linalg.norm(quat, axis=-1).reshape(len(quat), -1)
+    wrong = np.flatnonzero(((norm < NORM_MIN) | (norm > NORM_MAX)).any(axis=1))
+    if len(wrong):
+        worst = float(norm[wrong[0]][np.nanargmax(np.abs(norm[wrong[0]] - 1.0))])
+        problem = f"{what} at frame {first + wrong[0]} has norm {worst:.3g}, wanted {NORM_MIN} to {NORM_MAX}."
+        raise FileError(path, problem, "It is not a unit quaternion: check the columns.")

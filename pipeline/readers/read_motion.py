@@ -19,9 +19,10 @@ from pipeline.readers.deepmimic import read_deepmimic
 from pipeline.readers.gltf import read_gltf
 from pipeline.readers.human_motion import to_human
 from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
-from pipeline.readers.loaded_arrays import open_pickle, open_torch
+from pipeline.readers.loaded_arrays import LoadedArrays, open_loaded
 from pipeline.readers.npz_file import open_npz
 from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.restricted_pickle import load_pickle, load_torch
 from pipeline.readers.robot_csv import read_robot_csv
 from pipeline.readers.robot_log import read_robot_log
 from pipeline.readers.robot_motion import RobotMotion, to_robot_clip
@@ -65,20 +66,27 @@ def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) ->
     if reader is None:
         problem = f"'{path.suffix}' is not a motion file; known are: {', '.join(sorted(_READERS))}."
         raise FileError(path, problem, how_to_convert(path.suffix))
-    return reader(path, name, statement)
-
-
-def _human(motion: RawMotion, name: str, statement: Statement) -> ReadMotion:
-    fps, rate_notes = checked_rate(motion.files[0], motion.fps, motion.rate_by_velocity, statement)
+    motion = reader(path, statement)
+    file = motion.files[0] if isinstance(motion, RawMotion) else motion.path
+    fps, rate_notes = checked_rate(file, motion.fps, motion.rate_by_velocity, statement)
+    if isinstance(motion, RobotMotion):
+        clip, order_notes = to_robot_clip(motion, name, fps, statement)
+        return ReadMotion(
+            clip=clip,
+            format=motion.format,
+            skeleton=clip.robot,
+            declared_fps=declared_rate(motion.fps if motion.fps is not None else fps),
+            unit="m",
+            metres_per_unit=1.0,
+            up_axis="z",
+            files=(motion.path,),
+            notes=(*motion.notes, *rate_notes, *order_notes),
+        )
     canonical = to_human(dataclasses.replace(motion, fps=fps), name, statement, consume=True)
     return ReadMotion(
-        clip=canonical.clip,
+        **vars(canonical),
         format=motion.format,
-        skeleton=canonical.skeleton,
         declared_fps=declared_rate(motion.fps),
-        unit=canonical.unit,
-        metres_per_unit=canonical.metres_per_unit,
-        up_axis=canonical.up_axis,
         files=motion.files,
         notes=(*motion.notes, *rate_notes, *_assumed(motion, statement)),
     )
@@ -92,77 +100,19 @@ def _assumed(motion: RawMotion, statement: Statement) -> tuple[Reason, ...]:
     return (Reason(code="assumed_rate", text=text, effect="noted", value=motion.assumed_fps, unit="Hz"),)
 
 
-def _robot(motion: RobotMotion, name: str, statement: Statement) -> ReadMotion:
-    fps, rate_notes = checked_rate(motion.path, motion.fps, motion.rate_by_velocity, statement)
-    clip, order_notes = to_robot_clip(motion, name, fps, statement)
-    return ReadMotion(
-        clip=clip,
-        format=motion.format,
-        skeleton=clip.robot,
-        declared_fps=declared_rate(motion.fps if motion.fps is not None else fps),
-        unit="m",
-        metres_per_unit=1.0,
-        up_axis="z",
-        files=(motion.path,),
-        notes=(*motion.notes, *rate_notes, *order_notes),
-    )
-
-
-def _read_bvh(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _human(read_bvh(path), name, statement)
-
-
-def _read_c3d(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _human(read_c3d(path), name, statement)
-
-
-def _read_gltf(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _human(read_gltf(path), name, statement)
-
-
-def _read_amc(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _human(read_amc(path, statement.asf), name, statement)
-
-
-def _read_text(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _human(read_deepmimic(path), name, statement)
-
-
-def _read_csv(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _robot(read_robot_csv(path), name, statement)
-
-
-def _read_mcap(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _robot(read_robot_log(path), name, statement)
-
-
-def _read_npz(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _arrays(open_npz(path), name, statement)
-
-
-def _read_pickle(path: Path, name: str, statement: Statement) -> ReadMotion:
-    arrays = open_pickle(path)
-    return _arrays(arrays, name, statement, arrays.assumed_fps)
-
-
-def _read_torch(path: Path, name: str, statement: Statement) -> ReadMotion:
-    arrays = open_torch(path)
-    return _arrays(arrays, name, statement, arrays.assumed_fps)
-
-
-def _arrays(arrays: ArrayFile, name: str, statement: Statement, assumed_fps: float | None = None) -> ReadMotion:
-    """Named arrays, whatever the file they are in."""
+def _of_arrays(arrays: ArrayFile, statement: Statement) -> RawMotion | RobotMotion:
+    """The motion in named arrays, whatever the file they are in."""
     if is_gmr(arrays):
-        return _robot(read_gmr(arrays), name, statement)
+        return read_gmr(arrays)
     if is_smpl(arrays):
         model = None if statement.body_model is None else Path(statement.body_model)
-        return _human(read_smpl(arrays, model, assumed_fps), name, statement)
+        return read_smpl(arrays, model, arrays.assumed_fps if isinstance(arrays, LoadedArrays) else None)
     if is_robot_amp(arrays):
-        return _robot(read_robot_amp(arrays), name, statement)
+        return read_robot_amp(arrays)
     if is_isaac_amp(arrays):
-        return _human(read_isaac_amp(arrays), name, statement)
+        return read_isaac_amp(arrays)
     if is_robot(arrays):
-        return _robot(read_robot_npz(arrays), name, statement)
+        return read_robot_npz(arrays)
     found = ", ".join(name[:40] for name in sorted(arrays.shapes)[:12]) or "nothing"
     wanted = (
         "poses (or root_orient and pose_body) and trans (SMPL), body_positions (Isaac Lab AMP), joint_pos, qpos or "
@@ -171,18 +121,18 @@ def _arrays(arrays: ArrayFile, name: str, statement: Statement, assumed_fps: flo
     raise FileError(arrays.path, f"no known motion: it holds {found}; known are {wanted}.")
 
 
-_READERS: dict[str, Callable[[Path, str, Statement], ReadMotion]] = {
-    ".amc": _read_amc,
-    ".bvh": _read_bvh,
-    ".c3d": _read_c3d,
-    ".csv": _read_csv,
-    ".glb": _read_gltf,
-    ".gltf": _read_gltf,
-    ".mcap": _read_mcap,
-    ".npz": _read_npz,
-    ".pkl": _read_pickle,
-    ".pt": _read_torch,
-    ".txt": _read_text,
+_READERS: dict[str, Callable[[Path, Statement], RawMotion | RobotMotion]] = {
+    ".amc": lambda path, statement: read_amc(path, statement.asf),
+    ".bvh": lambda path, _: read_bvh(path),
+    ".c3d": lambda path, _: read_c3d(path),
+    ".csv": lambda path, _: read_robot_csv(path),
+    ".glb": lambda path, _: read_gltf(path),
+    ".gltf": lambda path, _: read_gltf(path),
+    ".mcap": lambda path, _: read_robot_log(path),
+    ".npz": lambda path, statement: _of_arrays(open_npz(path), statement),
+    ".pkl": lambda path, statement: _of_arrays(open_loaded(path, load_pickle), statement),
+    ".pt": lambda path, statement: _of_arrays(open_loaded(path, load_torch), statement),
+    ".txt": lambda path, _: read_deepmimic(path),
 }
 
 SUFFIXES = tuple(_READERS)

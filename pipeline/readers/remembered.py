@@ -133,15 +133,10 @@ def read_remembered(memory: Path) -> tuple[RememberedSource, ...]:
 def remember(memory: Path, sources: SourcesInUse, files: Mapping[str, int]) -> None:
     """Record the sources that a run used, each with its number of files (`check_sources`)."""
     stated = {source.name for source in sources.stated}
-    rows = [
-        RememberedSource(
-            name=source.name,
-            folder=str(source.folder.resolve()),
-            named_in=FILE if source.name in stated else VARIABLE,
-            files=files[source.name],
-        )
-        for source in sources.all
-    ]
+    rows = []
+    for name, folder in ((source.name, str(source.folder.resolve())) for source in sources.all):
+        named_in = FILE if name in stated else VARIABLE
+        rows.append(RememberedSource(name=name, folder=folder, named_in=named_in, files=files[name]))
     _write(memory, rows)
 
 

@@ -24,30 +24,12 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.npz import check_sizes, raise_fault_of_disk
-from pipeline.readers.npz_file import caps
+from pipeline.files.npz import DAMAGED_FILE, check_sizes, first_words, raise_fault_of_disk
+from pipeline.readers import npz_file
 from pipeline.readers.text_file import MAX_BYTES, check_size
 
 MAX_RATIO = 20
 """How far a compressed pickle may inflate."""
-
-DAMAGED_PICKLE = (
-    pickle.UnpicklingError,
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    OSError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    struct.error,
-    zipfile.BadZipFile,
-    zlib.error,
-    NotImplementedError,
-)
-"""What a damaged pickle may raise while it is read; an OSError of the disk is raised again."""
 
 _DTYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,4})")
 _TORCH_TYPES = {
@@ -115,20 +97,15 @@ class JoblibArray:
         if self.numpy_array_alignment_bytes is not None:
             stream.read(stream.read(1)[0])
         count = int(np.prod([int(length) for length in self.shape], dtype=object)) * self.dtype.dtype.itemsize
-        return _filled(_take(stream, count), self.dtype, self.shape, self.order)
+        if count < 0:
+            raise EOFError("it was cut off")
+        return _filled(stream.read(count), self.dtype, self.shape, self.order)
 
 
 def _filled(data: bytes, kind: PickledType, shape: tuple, order: str) -> np.ndarray:
     array = page_memory.empty((len(data) // kind.dtype.itemsize,), kind.dtype)
     array[:] = np.frombuffer(data, dtype=kind.dtype)
     return array.reshape(tuple(int(length) for length in shape), order="F" if order == "F" else "C")
-
-
-def _take(stream: BytesIO, count: int) -> bytes:
-    """So many bytes. Raises EOFError before memory is taken where the stream has fewer."""
-    if count < 0 or count > stream.getbuffer().nbytes - stream.tell():
-        raise EOFError("it was cut off")
-    return stream.read(count)
 
 
 def _scalar(kind: PickledType, raw: bytes | bytearray | str) -> Any:
@@ -144,14 +121,6 @@ def _from_buffer(raw: bytes | bytearray, kind: PickledType, shape: tuple, order:
 
 def _encoded(text: str, encoding: str) -> bytes:
     return text.encode("latin-1" if encoding in ("latin1", "latin-1") else "ascii")
-
-
-def _dtype(code: str, *_: Any) -> PickledType:
-    return PickledType(str(code))
-
-
-def _array(*_: Any) -> PickledArray:
-    return PickledArray()
 
 
 def _tensor(storage: np.ndarray, offset: int, size: tuple, stride: tuple, *_: Any) -> PickledArray:
@@ -177,7 +146,7 @@ def _tensor(storage: np.ndarray, offset: int, size: tuple, stride: tuple, *_: An
 _ALLOWED: dict[tuple[str, str], Callable[..., Any]] = {
     ("collections", "OrderedDict"): OrderedDict,
     ("_codecs", "encode"): _encoded,
-    ("numpy", "dtype"): _dtype,
+    ("numpy", "dtype"): lambda code, *_: PickledType(str(code)),
     ("numpy", "ndarray"): PickledArray,
     ("joblib.numpy_pickle", "NumpyArrayWrapper"): JoblibArray,
     ("torch._utils", "_rebuild_tensor_v2"): _tensor,
@@ -185,7 +154,7 @@ _ALLOWED: dict[tuple[str, str], Callable[..., Any]] = {
         (f"numpy.{core}.{module}", name): function
         for core in ("core", "_core")
         for module, name, function in (
-            ("multiarray", "_reconstruct", _array),
+            ("multiarray", "_reconstruct", lambda *_: PickledArray()),
             ("multiarray", "scalar", _scalar),
             ("numeric", "_frombuffer", _from_buffer),
         )
@@ -228,10 +197,8 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in
     dispatch[pickle.BUILD[0]] = load_build
 
     def load_bytearray8(self) -> None:
-        """A bytearray. Raises EOFError before memory is taken where the stream has fewer bytes than it claims."""
+        """A bytearray; the stream reads no more than it has, before memory is taken."""
         (length,) = struct.unpack("<Q", self.read(8))
-        if length > self._stream.getbuffer().nbytes:
-            raise EOFError("it was cut off")
         self.append(bytearray(self.read(length)))
 
     dispatch[pickle.BYTEARRAY8[0]] = load_bytearray8
@@ -260,9 +227,11 @@ def load_pickle(path: Path) -> Any:
         return _Unpickler(_Bytes(data)).load()
     except NotAllowedError as error:
         raise FileError(path, f"it holds {error}, which is never loaded.", converter(path)) from error
-    except DAMAGED_PICKLE as error:
+    except DAMAGED_FILE as error:
         raise_fault_of_disk(error)
-        raise FileError(path, f"it is not a pickle that can be read: {_short(error)}.") from error
+        raise FileError(
+            path, f"it is not a pickle that can be read: {first_words(f'{type(error).__name__} {error}')}."
+        ) from error
 
 
 def load_torch(path: Path) -> Any:
@@ -270,7 +239,7 @@ def load_torch(path: Path) -> Any:
     check_size(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            check_sizes(path, archive.infolist(), caps())
+            check_sizes(path, archive.infolist(), npz_file.CAPS)
             (head,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
             folder = head.removesuffix("data.pkl")
 
@@ -285,10 +254,14 @@ def load_torch(path: Path) -> Any:
     except NotAllowedError as error:
         do = "Save the tensors alone: torch.save({name: tensor, ...}, FILE)."
         raise FileError(path, f"it holds {error}, which is never loaded.", do) from error
-    except DAMAGED_PICKLE as error:
+    except DAMAGED_FILE as error:
         raise_fault_of_disk(error)
         do = "Files of torch before 1.6 are not read; save it again."
-        raise FileError(path, f"it is not a file of torch.save that can be read: {_short(error)}.", do) from error
+        raise FileError(
+            path,
+            f"it is not a file of torch.save that can be read: {first_words(f'{type(error).__name__} {error}')}.",
+            do,
+        ) from error
 
 
 def converter(path: Path) -> str:
@@ -305,7 +278,3 @@ def converter(path: Path) -> str:
         "sys.exit(f'no arrays: {bad}') if bad else numpy.savez(sys.argv[2], **a)"
     )
     return f'If you trust it, write its arrays into an archive: python -c "{code}" {names}'
-
-
-def _short(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__} {str(error)[:100]}".encode("ascii", "replace").decode().split())

@@ -44,6 +44,11 @@ def read_robot_log(path: Path) -> RobotMotion:
     robot = next((each for each in robots() if each.name == trial.robot), None)
     if robot is None:
         raise FileError(path, f"its robot '{trial.robot}' is none of this project's.", "Add its folder to robots/.")
+    seconds, whole = (stop - start) / trial.rate_hz, sum(each.seconds for each in trials)
+    text = (
+        f"{seconds:.1f} of {whole:.1f} s of the log are taken, the longest stretch in which the robot is up; its path "
+        f"is from leg odometry, and the log is {'of a simulated' if trial.simulated else 'of a real'} robot."
+    )
     step = max(round(trial.rate_hz / RATE_HZ), 1)
     frames = slice(start, stop, step)
     joint_pos = trial.joint_pos[frames]
@@ -58,7 +63,7 @@ def read_robot_log(path: Path) -> RobotMotion:
         joint_pos=joint_pos,
         joint_names=robot.joint_names,
         fps=trial.rate_hz / step,
-        notes=(_what_was_taken(trials, trial, (stop - start) / trial.rate_hz),),
+        notes=(Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s"),),
     )
 
 
@@ -82,12 +87,3 @@ def _usable(trial: Trial) -> np.ndarray:
     """(n,) bool: samples with joints and attitude, while the robot has not fallen."""
     recorded = np.isfinite(trial.joint_pos).all(axis=1) & np.isfinite(trial.rpy).all(axis=1)
     return recorded & trial.measured & (trial.fall_state <= 0)
-
-
-def _what_was_taken(trials: list[Trial], trial: Trial, seconds: float) -> Reason:
-    whole = sum(each.seconds for each in trials)
-    text = (
-        f"{seconds:.1f} of {whole:.1f} s of the log are taken, the longest stretch in which the robot is up; its path "
-        f"is from leg odometry, and the log is {'of a simulated' if trial.simulated else 'of a real'} robot."
-    )
-    return Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s")

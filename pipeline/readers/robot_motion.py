@@ -1,4 +1,11 @@
-"""What the robot readers share: which robot a file is of, and its clip from checked columns."""
+"""What the robot readers share: which robot a file is of, and its clip from checked columns.
+
+Files leave open the order of joints without names and of the root's quaternion (wxyz or xyzw). Joints are in the
+robot's own order, or breadth first as Isaac Lab writes them. Where an archive holds positions of bodies they prove it:
+every link has to be where our kinematics puts it. With the quaternion in the wrong order a heading becomes a roll: at
+most headings the trunk is horizontal. Where both orders leave it upright (near 0 and 180 degrees) the soles decide:
+those that stand are level and do not slide.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +13,7 @@ import functools
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -14,28 +22,18 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.readers.joint_order import (
-    MAX_LINK_ERROR,
-    MAX_TILT_DEG,
-    ORDERS,
-    beyond_limits,
-    breadth_first,
-    check_unit,
-    in_order,
-    inferred_order,
-    link_errors,
-    taken_joint_order,
-    taken_quaternion_order,
-    trunk_tilt_deg,
-)
-from pipeline.readers.raw_motion import MIN_FRAMES, counted
+from pipeline.readers.raw_motion import check_unit, refuse_pose
 from pipeline.readers.source import NOTHING_STATED, Statement
 from pipeline.readers.velocity_rate import VelocityRate, frame_rate
-from pipeline.robot import Robot, load_robot
+from pipeline.robot import Kinematics, Robot, load_robot
 from pipeline.robot.load import ROBOTS
 
 MAX_ANGLE = 2.0 * np.pi
 """No joint of a humanoid turns further [rad]; more means degrees."""
+LIMIT_MARGIN = 0.3
+"""A joint this far beyond its limits [rad] shows another joint's angle, or another robot's."""
+BEYOND = 0.1
+"""Share of the frames in which a joint without a name may be beyond its limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +79,7 @@ def to_robot_clip(
     """
     path = motion.path
     robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names)
-    if len(motion.joint_pos) < MIN_FRAMES:
-        raise FileError(path, f"the file has {counted(len(motion.joint_pos))}, which is no motion.")
+    refuse_pose(path, len(motion.joint_pos))
     rate = frame_rate(path, fps, statement)
     check_unit(path, motion.root_quat, "the root's quaternion")
     if float(np.nanmax(np.abs(motion.joint_pos), initial=0.0)) > MAX_ANGLE:
@@ -153,8 +150,7 @@ def _quaternion_order(
         return stated, ()
     if motion.order_is_certain:
         return motion.quat_order, ()
-    joint_pos, root = motion.joint_pos[:, columns], motion.root_pos_w
-    order = inferred_order(motion.path, motion.root_quat, root, joint_pos, robot, motion.quat_order, fps)
+    order = inferred_order(motion, motion.joint_pos[:, columns], robot, fps)
     if order == motion.quat_order:
         return order, ()
     text = (
@@ -180,13 +176,27 @@ def _stated_order(path: Path, statement: Statement) -> str | None:
 
 def _check_limits(motion: RobotMotion, robot: Robot, columns: list[int]) -> None:
     """Raises AmbiguousFileError for joints without names that are not the robot's in its order."""
-    beyond = None if motion.joint_names is not None else beyond_limits(robot, motion.joint_pos[:, columns])
-    if beyond is not None:
+    if motion.joint_names is not None:
+        return
+    joint_pos = motion.joint_pos[:, columns]
+    over = (joint_pos > robot.joint_upper + LIMIT_MARGIN) | (joint_pos < robot.joint_lower - LIMIT_MARGIN)
+    share = over.mean(axis=0)
+    worst = int(share.argmax())
+    if share[worst] > BEYOND:
         problem = (
-            f"its joints have no names, and in {robot.name}'s order '{beyond[0]}' is beyond its limits in "
-            f"{beyond[1]:.0%} of the frames: they are in another order, or it is another robot's file."
+            f"its joints have no names, and in {robot.name}'s order '{robot.joint_names[worst]}' is beyond its limits "
+            f"in {share[worst]:.0%} of the frames: they are in another order, or it is another robot's file."
         )
         raise AmbiguousFileError(motion.path, problem, "Add the joints' names to the file.")
+
+
+BREADTH_FIRST = (
+    "its joints have no names; in {robot}'s own order its links would lie elsewhere than the file's bodies, "
+    "breadth first (as Isaac Lab orders them) they are where the file has them, which is taken"
+)
+OTHER_QUATERNION = (
+    "the root's quaternion is {order}, not as this format has it: so its links are where the file's bodies are"
+)
 
 
 def _proved_orders(
@@ -207,9 +217,149 @@ def _proved_orders(
         worst = error if not len(worst) else worst
         if error.max() < MAX_LINK_ERROR:
             _check_upright(path, quat)
-            notes = () if joints == columns else (taken_joint_order(robot),)
-            return order, joints, notes if order in (usual, stated) else (*notes, taken_quaternion_order(order))
+            texts = {} if joints == columns else {"joint_order": BREADTH_FIRST.format(robot=robot.name)}
+            if order not in (usual, stated):
+                texts["quaternion_order"] = OTHER_QUATERNION.format(order=order)
+            return order, joints, tuple(Reason(code=code, text=text, effect="noted") for code, text in texts.items())
     _check_upright(path, in_order(motion.root_quat, orders[0]))
     problem = f"link '{robot.link_names[int(np.nanargmax(worst))]}' of {robot.name} would be {worst.max():.2f} m "
     do = "The joints' order, their signs or the quaternion's order differ."
     raise FileError(path, f"{problem}from any body of the file.", do if named else f"{do} Add joint_names to it.")
+
+
+MAX_LINK_ERROR = 0.05
+"""How far the links of our model may lie from the file's bodies [m], median over frames."""
+
+FRAMES = 20
+"""Frames that are compared, evenly over the motion."""
+
+
+def breadth_first(robot: Robot) -> list[int]:
+    """Where in a breadth-first order each joint of the robot is, in the robot's order."""
+    tree = robot.tree
+    depth = np.zeros(len(tree.link_names), dtype=int)
+    for link in range(1, len(depth)):
+        depth[link] = depth[tree.parent[link]] + 1
+    links = sorted(range(1, len(depth)), key=lambda link: (depth[link], link))
+    order = [int(tree.joint[link]) for link in links]
+    return [order.index(joint) for joint in range(len(order))]
+
+
+def link_errors(
+    robot: Robot,
+    root_pos_w: Float[np.ndarray, "t 3"],
+    root_quat_w: Float[np.ndarray, "t 4"],
+    joint_pos: Float[np.ndarray, "t j"],
+    body_pos_w: Float[np.ndarray, "t b 3"],
+) -> Float[np.ndarray, " l"] | None:
+    """Distance of each of our links to the nearest body of the file [m], median over frames.
+
+    None where no frame is complete.
+    """
+    count = len(root_pos_w)
+    arrays = (root_pos_w, root_quat_w, joint_pos, body_pos_w.reshape(count, -1))
+    complete = np.flatnonzero(np.isfinite(np.concatenate(arrays, axis=1)).all(axis=1))
+    if not len(complete):
+        return None
+    frames = np.unique(complete[np.linspace(0, len(complete) - 1, FRAMES).astype(int)])
+    poses = Kinematics(robot).forward(root_pos_w[frames], root_quat_w[frames], joint_pos[frames])
+    gaps = np.linalg.norm(poses.pos_w[:, :, None] - body_pos_w[frames][:, None], axis=-1).min(axis=2)
+    return np.median(gaps, axis=0)
+
+
+ORDERS = ("wxyz", "xyzw")
+
+MAX_TILT_DEG = 60.0
+"""A trunk tilted by more than this is not upright: median over the frames [deg]."""
+
+MOST_FRAMES = 1500
+"""Frames that are checked, at most."""
+
+SURE = 2.0
+"""The worse order's score is at least this many times the better one's."""
+
+LEVEL_DEG, SLOW = 3.0, 0.05
+"""Tilt [deg] and speed [m/s] of a standing sole up to which it counts as level and still."""
+
+
+class Soles(NamedTuple):
+    """How a robot stands with one order, medians over the frames."""
+
+    tilt_deg: float
+    """Of the lower sole [deg]."""
+    speed: float
+    """Of the lower sole along the ground, each frame's [m/s]."""
+
+    @property
+    def score(self) -> float:
+        """1 for a sole that stands; the larger the less it does."""
+        return max(1.0, self.tilt_deg / LEVEL_DEG) * max(1.0, self.speed / SLOW)
+
+
+def trunk_tilt_deg(quat: Float[np.ndarray, "t 4"]) -> float:
+    """Median angle of the root's z axis to the vertical [deg]; 180 where no frame is known."""
+    up = rotation.rotate(rotation.normalize(quat), np.array([0.0, 0.0, 1.0]))[:, 2]
+    if not np.isfinite(up).any():
+        return 180.0
+    return float(np.rad2deg(np.arccos(np.clip(np.nanmedian(up), -1.0, 1.0))))
+
+
+def in_order(columns: Float[np.ndarray, "t 4"], order: str) -> Float[np.ndarray, "t 4"]:
+    """Quaternions wxyz from four columns in an order."""
+    return columns if order == "wxyz" else np.roll(columns, 1, axis=1)
+
+
+def inferred_order(motion: RobotMotion, joint_pos: Float[np.ndarray, "t j"], robot: Robot, fps: float) -> str:
+    """`wxyz` or `xyzw`; the usual one of the format where both give the same motion or neither stands upright.
+
+    `joint_pos` is in the robot's order. Raises AmbiguousFileError where both are upright and the soles do not decide.
+    """
+    usual = motion.quat_order
+    quats = {order: in_order(motion.root_quat, order) for order in ORDERS}
+    upright = [order for order in ORDERS if trunk_tilt_deg(quats[order]) <= MAX_TILT_DEG]
+    if len(upright) != 2:
+        return upright[0] if upright else usual
+    soles = {order: _soles(quats[order], motion.root_pos_w, joint_pos, robot, fps) for order in ORDERS}
+    other = ORDERS[1 - ORDERS.index(usual)]
+    better, worse = sorted(ORDERS, key=lambda order: (soles[order].score, order != usual))
+    still = max(each.speed for each in soles.values()) <= SLOW
+    if still and soles[worse].tilt_deg - soles[better].tilt_deg < LEVEL_DEG:
+        return usual  # nothing moves and both stand alike: the same motion under two headings
+    if soles[worse].score < SURE * soles[better].score:
+        problem = (
+            f"the order of the root's quaternion can't be inferred: as {usual} the standing sole is tilted by "
+            f"{soles[usual].tilt_deg:.0f} degrees and slides at {soles[usual].speed:.2f} m/s, as {other} by "
+            f"{soles[other].tilt_deg:.0f} degrees and at {soles[other].speed:.2f} m/s."
+        )
+        raise AmbiguousFileError(
+            motion.path, problem, "State `quaternion: wxyz` or `xyzw` for it in data/sources.yaml."
+        )
+    return better
+
+
+def _soles(
+    quat: Float[np.ndarray, "t 4"],
+    root_pos_w: Float[np.ndarray, "t 3"],
+    joint_pos: Float[np.ndarray, "t j"],
+    robot: Robot,
+    fps: float,
+) -> Soles:
+    """How the lower sole stands over frames in a row."""
+    whole = np.isfinite(np.concatenate([quat, root_pos_w, joint_pos], axis=1)).all(axis=1)
+    frames = np.flatnonzero(whole)[:MOST_FRAMES]
+    if len(frames) < 3:
+        return Soles(tilt_deg=0.0, speed=0.0)
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(root_pos_w[frames], rotation.normalize(quat[frames]), joint_pos[frames])
+    names = [name for side in robot.sole_corners for name in side]
+    corners = kinematics.site_pos_w(poses, names).reshape(len(frames), 2, 4, 3)
+    middle = corners.mean(axis=2)
+    lower = middle[:-1, :, 2].argmin(axis=1)
+    rows = np.arange(len(frames) - 1)
+    together = np.diff(frames) == 1
+    speed = np.linalg.norm(np.diff(middle, axis=0)[rows, lower, :2], axis=1) * fps
+    sole = corners[rows, lower]
+    normal = rotation.normalize(np.cross(sole[:, 2] - sole[:, 0], sole[:, 3] - sole[:, 1]))
+    tilt_deg = np.rad2deg(np.arccos(np.clip(np.abs(normal[:, 2]), 0.0, 1.0)))
+    speed = speed[together] if together.any() else np.zeros(1)
+    return Soles(tilt_deg=float(np.median(tilt_deg)), speed=float(np.median(speed)))

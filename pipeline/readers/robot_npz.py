@@ -13,14 +13,15 @@ another, and `root_rot_order` the quaternion's.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files.array_file import ArrayFile
 from pipeline.readers.isaac_amp import PARENTS as HUMANOID
-from pipeline.readers.joint_order import ORDERS
-from pipeline.readers.robot_motion import RobotMotion, robot_of, robots
+from pipeline.readers.robot_motion import ORDERS, RobotMotion, robot_of, robots
 from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities, surest
 
 
@@ -36,9 +37,14 @@ def read_robot_npz(header: ArrayFile) -> RobotMotion:
 
 def _read_qpos(header: ArrayFile) -> RobotMotion:
     qpos = header.numbers("qpos", None, None)
-    names = _names(header)
+    names = header.optional_texts("joint_names")
     if names is not None and len(names) == qpos.shape[1] - 6:
         names = names[1:]  # the free joint comes first
+    header.refuse_other_length("qvel", "qpos", len(qpos))
+    rate = None
+    if header.shapes.get("qvel") == (len(qpos), qpos.shape[1] - 1):
+        qvel = header.stored_numbers("qvel", len(qpos), qpos.shape[1] - 1)
+        rate = surest(rate_of_velocities(qpos[:, :3], qvel[:, :3]), rate_of_velocities(qpos[:, 7:], qvel[:, 6:]))
     return RobotMotion(
         format="robot_qpos",
         path=header.path,
@@ -47,14 +53,14 @@ def _read_qpos(header: ArrayFile) -> RobotMotion:
         order_is_certain=False,  # MuJoCo has wxyz, and archives made from others' data have xyzw
         joint_pos=qpos[:, 7:],
         joint_names=names,
-        fps=_declared_fps(header),
-        rate_by_velocity=_velocity_of_qpos(header, qpos),
+        fps=header.optional_number("fps", "frequency"),
+        rate_by_velocity=rate,
         body_pos_w=_bodies(header, "xpos", len(qpos)),
     )
 
 
 def _read_joint_pos(header: ArrayFile) -> RobotMotion:
-    joint_pos, names = header.numbers("joint_pos", None, None), _names(header)
+    joint_pos, names = header.numbers("joint_pos", None, None), header.optional_texts("joint_names")
     if names is not None:
         robot_of(header.path, len(names), names)
     counts = {len(robot.joint_names) for robot in robots()} if names is None else {len(names)}
@@ -64,7 +70,8 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
     if joints in counts and nameless_bodies <= joints + 1:
         root_pos, root_quat, joint_pos = joint_pos[:, :3], joint_pos[:, 3:7], joint_pos[:, 7:]
     elif bodies is not None:
-        root = _root_index(header)
+        body_names = header.optional_texts("body_names")
+        root = 0 if body_names is None else _root_index(header, body_names)
         root_pos = bodies[:, root]
         root_quat = header.numbers("body_quat_w", len(joint_pos), bodies.shape[1], 4)[:, root]
     else:
@@ -80,25 +87,18 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
         order_is_certain=False,
         joint_pos=joint_pos,
         joint_names=names,
-        fps=_declared_fps(header),
-        rate_by_velocity=_velocity_of_joints(header, joint_pos, bodies),
+        fps=header.optional_number("fps", "frequency"),
+        rate_by_velocity=_rate(header, "joint_pos", {"body_lin_vel_w": bodies, "joint_vel": joint_pos}),
         body_pos_w=bodies,
     )
 
 
-def _names(header: ArrayFile) -> tuple[str, ...] | None:
-    return header.texts("joint_names") if header.has("joint_names") else None
-
-
-def _root_index(header: ArrayFile) -> int:
-    """Index of the root link among the bodies; the first where they have no names."""
-    if not header.has("body_names"):
-        return 0
-    names = header.texts("body_names")
+def _root_index(arrays: ArrayFile, names: tuple[str, ...]) -> int:
+    """Index of the root link among the bodies. Raises FileError."""
     for robot in robots():
         if robot.root_link in names:
             return names.index(robot.root_link)
-    raise FileError(header.path, f"no body is a robot's root link; there are: {', '.join(names[:12])}.")
+    raise FileError(arrays.path, f"no body is a robot's root link; there are: {', '.join(names[:12])}.")
 
 
 def _bodies(header: ArrayFile, key: str, frames: int) -> Float[np.ndarray, "t b 3"] | None:
@@ -108,33 +108,16 @@ def _bodies(header: ArrayFile, key: str, frames: int) -> Float[np.ndarray, "t b 
     return header.numbers(key, frames, None, 3)
 
 
-def _declared_fps(header: ArrayFile) -> float | None:
-    for name in ("fps", "frequency"):
-        if header.has(name):
-            return header.number(name)
-    return None
+def _rate(arrays: ArrayFile, than: str, positions: Mapping[str, np.ndarray | None]) -> VelocityRate | None:
+    """The rate that stored velocities show, whichever fits best; `positions`: those of each array of velocities.
 
-
-def _velocity_of_qpos(header: ArrayFile, qpos: Float[np.ndarray, "t q"]) -> VelocityRate | None:
-    """The rate that `qvel` shows: by the root's path or by the joints, whichever fits better."""
-    header.refuse_other_length("qvel", "qpos", len(qpos))
-    if header.shapes.get("qvel") != (len(qpos), qpos.shape[1] - 1):
-        return None
-    qvel = header.stored_numbers("qvel", len(qpos), qpos.shape[1] - 1)
-    return surest(rate_of_velocities(qpos[:, :3], qvel[:, :3]), rate_of_velocities(qpos[:, 7:], qvel[:, 6:]))
-
-
-def _velocity_of_joints(
-    header: ArrayFile, joint_pos: Float[np.ndarray, "t j"], bodies: np.ndarray | None
-) -> VelocityRate | None:
-    """The rate that `body_lin_vel_w` or `joint_vel` shows, whichever fits better."""
-    for name in ("joint_vel", "body_lin_vel_w"):
-        header.refuse_other_length(name, "joint_pos", len(joint_pos))
-    rates = []
-    if bodies is not None and header.shapes.get("body_lin_vel_w") == bodies.shape:
-        rates.append(rate_of_velocities(bodies, header.stored_numbers("body_lin_vel_w", *bodies.shape)))
-    if header.shapes.get("joint_vel") == joint_pos.shape:
-        rates.append(rate_of_velocities(joint_pos, header.stored_numbers("joint_vel", *joint_pos.shape)))
+    Raises FileError for velocities of another number of frames than the array `than` has.
+    """
+    frames, rates = arrays.shapes[than][0], []
+    for name, values in positions.items():
+        arrays.refuse_other_length(name, than, frames)
+        if values is not None and arrays.shapes.get(name) == values.shape:
+            rates.append(rate_of_velocities(values, arrays.stored_numbers(name, *values.shape)))
     return surest(*rates)
 
 
@@ -148,29 +131,20 @@ def read_robot_amp(arrays: ArrayFile) -> RobotMotion:
     """A robot's motion. Raises FileError."""
     bodies, joints = arrays.texts("body_names"), arrays.texts("dof_names")
     robot_of(arrays.path, len(joints), joints)
-    root = next((robot.root_link for robot in robots() if robot.root_link in bodies), None)
-    if root is None:
-        raise FileError(arrays.path, f"no body is a robot's root link; there are: {', '.join(bodies[:12])}.")
+    root = _root_index(arrays, bodies)
     body_pos = arrays.numbers("body_positions", None, len(bodies), 3)
-    frames = len(body_pos)
-    body_quat = arrays.numbers("body_rotations", frames, len(bodies), 4)
-    joint_pos = arrays.numbers("dof_positions", frames, len(joints))
-    rates = []
-    for name in ("body_linear_velocities", "dof_velocities"):
-        arrays.refuse_other_length(name, "body_positions", frames)
-    if arrays.shapes.get("body_linear_velocities") == body_pos.shape:
-        rates.append(rate_of_velocities(body_pos, arrays.stored_numbers("body_linear_velocities", *body_pos.shape)))
-    if arrays.shapes.get("dof_velocities") == joint_pos.shape:
-        rates.append(rate_of_velocities(joint_pos, arrays.stored_numbers("dof_velocities", *joint_pos.shape)))
+    body_quat = arrays.numbers("body_rotations", len(body_pos), len(bodies), 4)
+    joint_pos = arrays.numbers("dof_positions", len(body_pos), len(joints))
+    velocities = {"body_linear_velocities": body_pos, "dof_velocities": joint_pos}
     return RobotMotion(
         format="robot_amp",
         path=arrays.path,
-        root_pos_w=body_pos[:, bodies.index(root)],
-        root_quat=body_quat[:, bodies.index(root)],
+        root_pos_w=body_pos[:, root],
+        root_quat=body_quat[:, root],
         joint_pos=joint_pos,
         joint_names=joints,
-        fps=arrays.number("fps") if arrays.has("fps") else None,
-        rate_by_velocity=surest(*rates),
+        fps=arrays.optional_number("fps"),
+        rate_by_velocity=_rate(arrays, "body_positions", velocities),
         body_pos_w=body_pos,
     )
 
@@ -187,7 +161,7 @@ def is_gmr(arrays: ArrayFile) -> bool:
 
 def read_gmr(arrays: ArrayFile) -> RobotMotion:
     """A robot's motion. Raises FileError."""
-    position, joints, names = arrays.first(*POSITIONS), arrays.first(*JOINTS), arrays.first(*NAMES)
+    position, joints = arrays.first(*POSITIONS), arrays.first(*JOINTS)
     assert position is not None and joints is not None
     root_pos = arrays.numbers(position, None, 3)
     if not len(root_pos):
@@ -206,6 +180,6 @@ def read_gmr(arrays: ArrayFile) -> RobotMotion:
         quat_order=order if order in ORDERS else "xyzw",
         order_is_certain=order in ORDERS,
         joint_pos=joint_pos,
-        joint_names=arrays.texts(names) if names is not None else None,
-        fps=arrays.number("fps") if arrays.has("fps") else None,
+        joint_names=arrays.optional_texts(*NAMES),
+        fps=arrays.optional_number("fps"),
     )

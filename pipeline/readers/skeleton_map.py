@@ -22,11 +22,7 @@ from pipeline.readers.raw_motion import RawMotion
 
 FOLDER = Path(__file__).parent / "skeletons"
 
-AXES = {
-    f"{sign}{axis}": unit * row
-    for sign, unit in (("", 1.0), ("-", -1.0))
-    for axis, row in zip("xyz", np.eye(3), strict=True)
-}
+AXES = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))
 PARALLEL = np.cos(np.deg2rad(3.0))
 """Two directions of a body this close to one line leave its turn about that line open."""
 CANONICAL = {"ahead": AXES["x"], "left": AXES["y"], "up": AXES["z"], "down": AXES["-z"]}
@@ -88,12 +84,8 @@ class SkeletonMap:
         named = {value for body in self.bodies.values() for value in body.directions().values() if _axis(value) is None}
         return frozenset(named | {body.joint for body in self.bodies.values()} | set(self.also) | set(self.rest))
 
-    def rest_frame(self, motion: RawMotion, name: str) -> Float[np.ndarray, " 4"]:
-        """Constant rotation wxyz from a body's canonical frame to the frame of its joint."""
-        return self.rest_frames(motion, (name,))[0]
-
     def rest_frames(self, motion: RawMotion, names: Sequence[str] = BODIES) -> Float[np.ndarray, "n 4"]:
-        """`rest_frame` of several bodies."""
+        """Constant rotations wxyz from bodies' canonical frames to the frames of their joints."""
         canonical, local = np.empty((2, len(names), 2, 3))
         for index, body in enumerate(self.bodies[name] for name in names):
             stated = sorted(body.directions().items(), key=lambda item: _axis(item[1]) is not None)
@@ -101,19 +93,16 @@ class SkeletonMap:
                 canonical[index, place] = CANONICAL[direction]
                 local[index, place] = self._direction(motion, body.joint, value)
             if abs(float(local[index, 0] @ local[index, 1])) > PARALLEL:
-                raise FileError(motion.files[0], *self._parallel(names[index], stated))
+                texts = [f"'{way}' ({'to ' if _axis(value) is None else ''}{value})" for way, value in stated]
+                problem = (
+                    f"the map '{self.name}' gives {names[index]} {' and '.join(texts)}, which lie along one line in "
+                    "this file's rest pose."
+                )
+                do = "The map was written for another rest pose (do the arms hang here?): name another axis."
+                raise FileError(motion.files[0], problem, do)
         turns = rotation.from_matrix(_frames(local) @ np.swapaxes(_frames(canonical), 1, 2))
         pitch = np.deg2rad([self.bodies[name].pitch_deg for name in names])
         return rotation.multiply(turns, rotation.from_axis_angle(AXES["y"], pitch))
-
-    def _parallel(self, body: str, stated: list[tuple[str, str]]) -> tuple[str, str]:
-        """Problem and remedy for a body whose two directions are along one line in a file's rest pose."""
-        texts = [f"'{way}' ({'to ' if _axis(value) is None else ''}{value})" for way, value in stated]
-        problem = (
-            f"the map '{self.name}' gives {body} {' and '.join(texts)}, which lie along one line in this file's "
-            "rest pose."
-        )
-        return problem, "The map was written for another rest pose (do the arms hang here?): name another axis."
 
     def _direction(self, motion: RawMotion, joint: str, value: str) -> Float[np.ndarray, " 3"]:
         axis = _axis(value)

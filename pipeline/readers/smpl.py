@@ -7,6 +7,7 @@ and soft tissue are not read. The pose is one array (`poses`, `pose_aa`: t x 66,
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,9 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.files import page_memory
 from pipeline.files.array_file import ArrayFile, finite_rows
 from pipeline.readers.npz_file import open_npz
-from pipeline.readers.poses import TreePoses
-from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.raw_motion import RawMotion, TreePoses, parent_indices
 
 PARENTS: dict[str, str | None] = {
     "pelvis": None,
@@ -47,7 +46,7 @@ PARENTS: dict[str, str | None] = {
 }
 """The 22 joints that all SMPL models share, in their order, and their parents."""
 
-JOINTS = tuple(PARENTS)
+JOINTS, PARENT = tuple(PARENTS), parent_indices(PARENTS)
 
 MEAN_STATURE = 1.70
 """[m], near the mean of adults of both sexes (NCD-RisC 2016: men 1.71, women 1.59 worldwide, taller in mocap)."""
@@ -103,7 +102,7 @@ def is_smpl(arrays: ArrayFile) -> bool:
 
 def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: float | None = None) -> RawMotion:
     """An SMPL motion. `assumed_fps`: what is known of the program that wrote it [Hz]. Raises FileError."""
-    translation, rate, shape = arrays.first(*TRANSLATIONS), arrays.first(*RATES), arrays.first(*SHAPES)
+    translation, shape = arrays.first(*TRANSLATIONS), arrays.first(*SHAPES)
     assert translation is not None
     trans = arrays.stored_numbers(translation, None, 3)
     turns = _turns(arrays, len(trans), translation)
@@ -115,14 +114,13 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
         notes = (Reason(code="mean_skeleton", text=text, effect="noted"),)
     else:
         offsets = read_body_model(body_model, betas)
-    parents = tuple(-1 if parent is None else JOINTS.index(parent) for parent in PARENTS.values())
     return RawMotion(
         format="smpl",
         joint_names=JOINTS,
-        parents=parents,
-        rest_offset=np.where(np.array(parents)[:, None] < 0, 0.0, offsets),
-        poses=_poses(trans, turns, parents, offsets),
-        fps=arrays.number(rate) if rate is not None else None,
+        parents=PARENT,
+        rest_offset=np.where(np.array(PARENT)[:, None] < 0, 0.0, offsets),
+        poses=_poses(trans, turns, offsets),
+        fps=arrays.optional_number(*RATES),
         assumed_fps=assumed_fps,
         files=(arrays.path,) if body_model is None else (arrays.path, body_model),
         unit="m",
@@ -130,21 +128,15 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
     )
 
 
-def _poses(
-    trans: np.ndarray, turns: tuple[np.ndarray, ...], parents: tuple[int, ...], offsets: Float[np.ndarray, "22 3"]
-) -> TreePoses:
-    """Poses from translations (t, 3) [m] and rotation vectors [rad] in one or two arrays, worked out as needed."""
+def _poses(trans: np.ndarray, turns: tuple[np.ndarray, ...], offsets: Float[np.ndarray, "22 3"]) -> TreePoses:
+    """Poses from translations (t, 3) [m] and rotation vectors [rad] in one or two arrays, computed as needed."""
 
     def local(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
-        rows = np.concatenate([finite_rows(each, start, stop).reshape(stop - start, -1) for each in turns], axis=1)
+        rows = np.concatenate([finite_rows(each, start, stop) for each in turns], axis=1)
         vectors = rows[:, : 3 * len(JOINTS)].reshape(len(rows), len(JOINTS), 3)
         return finite_rows(trans, start, stop) + offsets[0], rotation.from_rotvec(vectors)
 
-    def release(stop: int) -> None:
-        for each in (trans, *turns):
-            page_memory.forget(each, stop)
-
-    return TreePoses(parents=parents, offsets=offsets, frame_count=len(trans), local=local, release=release)
+    return TreePoses(parents=PARENT, offsets=offsets, rows=(trans, *turns), local=local)
 
 
 def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray, ...]:
@@ -152,15 +144,15 @@ def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray
     whole, root, body = arrays.first(*WHOLE), arrays.first(*ROOTS), arrays.first(*BODIES)
     if whole is not None:
         poses = _rows(arrays, whole)
-        if _width(poses) not in COLUMNS or len(poses) != frames or not frames:
-            problem = f"{whole} are {len(poses)}×{_width(poses)} and {translation} {frames}×3, wanted the same frames"
+        if poses.shape[1] not in COLUMNS or len(poses) != frames or not frames:
+            problem = f"{whole} are {len(poses)}×{poses.shape[1]} and {translation} {frames}×3, wanted the same frames"
             raise FileError(arrays.path, f"{problem} and 66, 72, 156 or 165 columns.")
         return (poses,)
     assert root is not None and body is not None
     turn, rest = _rows(arrays, root), _rows(arrays, body)
-    if _width(turn) != 3 or _width(rest) not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
+    if turn.shape[1] != 3 or rest.shape[1] not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
         problem = (
-            f"{root} is {len(turn)}×{_width(turn)}, {body} {len(rest)}×{_width(rest)} and {translation} {frames}×3, "
+            f"{root} is {len(turn)}×{turn.shape[1]}, {body} {len(rest)}×{rest.shape[1]} and {translation} {frames}×3, "
             "wanted the same frames, 3 columns and 63 or 69."
         )
         raise FileError(arrays.path, problem)
@@ -168,14 +160,10 @@ def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray
 
 
 def _rows(arrays: ArrayFile, name: str) -> np.ndarray:
-    """An array of rotation vectors, a row each frame or an array (joints, 3)."""
+    """Rotation vectors, the numbers of all joints in a row each frame; stored so or as an array (joints, 3)."""
     shape = (None, None, 3) if len(arrays.shapes[name]) == 3 else (None, None)
-    return arrays.stored_numbers(name, *shape)
-
-
-def _width(rows: np.ndarray) -> int:
-    """Numbers of a frame."""
-    return int(np.prod(rows.shape[1:]))
+    rows = arrays.stored_numbers(name, *shape)
+    return rows.reshape(len(rows), math.prod(rows.shape[1:]))
 
 
 def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndarray, "22 3"]:
@@ -192,14 +180,13 @@ def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndar
             count = min(len(betas), directions.shape[2])
             vertices = vertices + directions[:, :, :count] @ betas[:count]
         joints = header.numbers("J_regressor", None, len(vertices)) @ vertices
-    elif header.has("J_template") or header.has("J"):
-        joints = header.numbers("J_template" if header.has("J_template") else "J", None, 3)
+    elif (name := header.first("J_template", "J")) is not None:
+        joints = header.numbers(name, None, 3)
     else:
         raise FileError(path, "a body model needs J_template, or J_regressor with v_template.", "Only .npz is read.")
     if len(joints) < len(JOINTS):
         raise FileError(path, f"the body model has {len(joints)} joints, wanted at least {len(JOINTS)}.")
     joints = joints[: len(JOINTS)]
-    parents = [0 if parent is None else JOINTS.index(parent) for parent in PARENTS.values()]
-    offsets = joints - joints[parents]
+    offsets = joints - joints[list(PARENT)]
     offsets[0] = joints[0]
     return offsets

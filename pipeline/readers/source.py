@@ -9,7 +9,7 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError, SettingsError
@@ -93,7 +93,8 @@ class Source:
         stated = self.stated_licence_of(path)
         if stated is not None:
             return stated
-        return _sidecar(path) or _index(self.folder, path) or _licence_file(self.folder, path) or UNKNOWN_LICENCE
+        listed = _index(self.folder)[0].get(self._within(path))
+        return _sidecar_licence(path)[0] or listed or _licence_file(self.folder, path) or UNKNOWN_LICENCE
 
     def stated_licence_of(self, path: Path) -> str | None:
         """Licence of one file where a person states it, whatever is in the folder."""
@@ -104,16 +105,22 @@ class Source:
         """Faults of one file's sidecar and index, which are ignored for them; none for most."""
         if self.stated_licence_of(path) is not None:
             return ()
-        faults = {"broken_sidecar": _sidecar_fault(path), "broken_index": _index_fault(self.folder, path)}
-        return tuple(Reason(code=code, text=text, effect="noted") for code, text in faults.items() if text is not None)
+        licence, sidecar_fault = _sidecar_licence(path)
+        licences, index_fault = _index(self.folder)
+        notes = [("broken_sidecar", sidecar_fault)]
+        if index_fault is not None and licence is None and self._within(path) not in licences:
+            notes.append(("broken_index", f"the table of licences says nothing of the motion: {index_fault}"))
+        return tuple(Reason(code=code, text=text, effect="noted") for code, text in notes if text is not None)
 
     def about(self, path: Path) -> dict[str, str | float | None]:
         """Everything that this source states about one file, flat, for digests and provenance."""
         return {**settings.plain(self.statement_of(path)), "licence": self.licence_of(path), "credit": self.credit}
 
     def _matching(self, path: Path) -> list[FileStatement]:
-        within = path.relative_to(self.folder).as_posix()
-        return [one for one in self.files if fnmatch.fnmatchcase(within, one.files)]
+        return [one for one in self.files if fnmatch.fnmatchcase(self._within(path), one.files)]
+
+    def _within(self, path: Path) -> str:
+        return path.relative_to(self.folder).as_posix()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,15 +153,9 @@ def read_sources(path: Path) -> tuple[Source, ...]:
             )
         if any(source.name == entry.name for source in sources):
             raise SettingsError(path, f"two sources are named '{entry.name}'.")
-        source = Source(
-            name=entry.name,
-            folder=folder,
-            licence=entry.licence,
-            credit=entry.credit,
-            statement=_with_paths(entry.statement, path.parent),
-            files=tuple(_with_paths(one, path.parent) for one in entry.files),
-        )
-        sources.append(source)
+        statement = _with_paths(entry.statement, path.parent)
+        files = tuple(_with_paths(one, path.parent) for one in entry.files)
+        sources.append(Source(**{**vars(entry), "folder": folder, "statement": statement, "files": files}))
     return tuple(sources)
 
 
@@ -208,47 +209,35 @@ def sources_of_environment(
     return tuple(sources)
 
 
-def _sidecar(path: Path) -> str | None:
-    """The `licence` in the YAML file beside a motion; None where there is none or it is broken."""
-    try:
-        return _sidecar_licence(path)
-    except SettingsError:
-        return None
-
-
-def _sidecar_fault(path: Path) -> str | None:
-    """What is wrong with the YAML file beside a motion, with its line; None if nothing is."""
-    try:
-        _sidecar_licence(path)
-    except SettingsError as error:
-        return f"the file beside the motion says nothing of its licence: {error}"
-    return None
-
-
-def _sidecar_licence(path: Path) -> str | None:
-    """The `licence` in the YAML file beside a motion. Raises SettingsError for one that can't be understood."""
+def read_sidecar(path: Path) -> dict[str, Any]:
+    """What the YAML file beside a motion states; nothing where there is none. Raises SettingsError, or OSError."""
     sidecar = path.with_suffix(".yaml")
-    if not sidecar.is_file():
-        return None
+    value = settings.read_yaml(sidecar) if sidecar.is_file() else None
+    return value if isinstance(value, dict) else {}
+
+
+def sidecar_text(path: Path, sidecar: dict[str, Any], key: str, wanted: str) -> str | None:
+    """A text in the YAML file beside a motion; None where it has none. Raises SettingsError for anything else."""
+    value = sidecar.get(key)
+    if value is not None and not (isinstance(value, str) and value.strip()):
+        problem = f"'{key}' is {value!r}, wanted {wanted}."
+        raise SettingsError(path.with_suffix(".yaml"), problem, "Put it in quotes.")
+    return value
+
+
+def _sidecar_licence(path: Path) -> tuple[str | None, str | None]:
+    """The `licence` in the YAML file beside a motion, and what is wrong with that file."""
     try:
-        value = settings.read_yaml(sidecar)
+        return sidecar_text(path, read_sidecar(path), "licence", "a text"), None
     except OSError as error:
-        raise SettingsError(sidecar, f"it can't be read ({error.strerror}).") from error
-    licence = value.get("licence") if isinstance(value, dict) else None
-    if licence is None:
-        return None
-    if not isinstance(licence, str) or not licence.strip():
-        raise SettingsError(sidecar, f"'licence' is {licence!r}, wanted a text.", "Put it in quotes.")
-    return licence
+        fault = SettingsError(path.with_suffix(".yaml"), f"it can't be read ({error.strerror}).")
+    except SettingsError as error:
+        fault = error
+    return None, f"the file beside the motion says nothing of its licence: {fault}"
 
 
-def _index(folder: Path, path: Path) -> str | None:
-    """The licence that `index.csv` (columns `file`, `licence`) gives a file."""
-    return _table(folder)[0].get(path.relative_to(folder).as_posix()) or None
-
-
-def _table(folder: Path) -> tuple[dict[str, str], str | None]:
-    """Contents of `index.csv`, and what is wrong with it."""
+def _index(folder: Path) -> tuple[dict[str, str], str | None]:
+    """Licence of each file that `index.csv` (columns `file`, `licence`) names, and what is wrong with it."""
     index = folder / "index.csv"
     if not index.is_file():
         return {}, None
@@ -258,7 +247,7 @@ def _table(folder: Path) -> tuple[dict[str, str], str | None]:
 
 @functools.lru_cache(maxsize=64)
 def _licences(index: Path, state: tuple[int, int]) -> tuple[dict[str, str], str | None]:
-    """Licence of each file that a table names, and what is wrong with it; rows behind a fault are not there.
+    """Contents of a table of licences, and what is wrong with it; rows behind a fault are left out.
 
     `state`: size and time of change of the table, which is read once for all files that it is about.
     """
@@ -274,14 +263,6 @@ def _licences(index: Path, state: tuple[int, int]) -> tuple[dict[str, str], str 
         fault = FileError(index, f"it can't be read from some row on ({error}).", "Shorten or correct the row.")
         return licences, str(fault)
     return licences, None
-
-
-def _index_fault(folder: Path, path: Path) -> str | None:
-    """What is wrong with `index.csv`, where it would have to state the licence of a file; None if nothing is."""
-    licences, fault = _table(folder)
-    if fault is None or _sidecar(path) is not None or path.relative_to(folder).as_posix() in licences:
-        return None
-    return f"the table of licences says nothing of the motion: {fault}"
 
 
 def _licence_file(folder: Path, path: Path) -> str | None:

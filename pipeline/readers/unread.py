@@ -6,6 +6,8 @@ from pathlib import Path
 
 from pipeline.errors import FileError
 
+_NAMES = " (docs/sources.md lists the names)."
+
 CONVERT: dict[str, str] = {
     ".fbx": "Import it into Blender and export it as BVH or glTF: blender --background --factory-startup "
     "--python-expr \"import bpy; bpy.ops.import_scene.fbx(filepath='IN.fbx'); "
@@ -16,36 +18,27 @@ CONVERT: dict[str, str] = {
     "export BVH.",
     ".npy": "An array without names: write it into an archive, numpy.savez(FILE, poses=..., trans=..., fps=...).",
     ".pth": "Save it as .pt with torch.save({name: tensor, ...}, FILE).",
-    ".pickle": "Rename it to .pkl.",
-    ".joblib": "Rename it to .pkl.",
+    **dict.fromkeys((".pickle", ".joblib"), "Rename it to .pkl."),
     ".tak": "Export the take from Motive as BVH.",
     ".cal": "A calibration; export the take from Nokov Seeker or Motive as BVH.",
-    ".usd": "Export the skeleton's animation from Omniverse or Blender as glTF or BVH.",
-    ".usda": "Export the skeleton's animation from Omniverse or Blender as glTF or BVH.",
-    ".usdc": "Export the skeleton's animation from Omniverse or Blender as glTF or BVH.",
+    **dict.fromkeys(
+        (".usd", ".usda", ".usdc"), "Export the skeleton's animation from Omniverse or Blender as glTF or BVH."
+    ),
     ".blend": "Export the armature's action from Blender as BVH or glTF.",
     ".vmd": "Import it into Blender (MMD Tools) and export it as BVH.",
     ".vrma": "It is glTF: rename it to .glb.",
-    ".h5": "Write its arrays into an archive with numpy.savez (docs/sources.md lists the names).",
-    ".hdf5": "Write its arrays into an archive with numpy.savez (docs/sources.md lists the names).",
-    ".mat": "Write its arrays into an archive with scipy.io.loadmat and numpy.savez (docs/sources.md lists the names).",
+    **dict.fromkeys((".h5", ".hdf5"), f"Write its arrays into an archive with numpy.savez{_NAMES}"),
+    ".mat": f"Write its arrays into an archive with scipy.io.loadmat and numpy.savez{_NAMES}",
     ".parquet": "A LeRobot data set holds no human motion; of a robot write root and joints into a CSV.",
     ".mot": "OpenSim coordinates: convert them to BVH.",
     ".v": "Export the trial from Vicon Nexus or Shogun as C3D or BVH.",
     ".x3d": "Convert it to glTF in Blender.",
     ".dae": "Collada: import it into Blender (before 5.0) or Maya and export it as BVH or glTF.",
     ".bip": "Export the Biped from 3ds Max as BVH, or as FBX and convert that.",
-    ".zip": "Unpack it; what is inside is read then.",
-    ".7z": "Unpack it; what is inside is read then.",
-    ".rar": "Unpack it; what is inside is read then.",
-    ".tar": "Unpack it; what is inside is read then.",
-    ".gz": "Unpack it; what is inside is read then.",
-    ".bz2": "Unpack it; what is inside is read then.",
-    ".xz": "Unpack it; what is inside is read then.",
+    **dict.fromkeys((".zip", ".7z", ".rar", ".tar", ".gz", ".bz2", ".xz"), "Unpack it; what is inside is read then."),
     ".json": "A DeepMimic motion is read when it is named .txt; otherwise write the arrays into an archive with "
-    "numpy.savez (docs/sources.md lists the names).",
-    ".txt": "Numbers without names: write them into a CSV with a header, or into an archive with numpy.savez "
-    "(docs/sources.md lists the names).",
+    f"numpy.savez{_NAMES}",
+    ".txt": f"Numbers without names: write them into a CSV with a header, or into an archive with numpy.savez{_NAMES}",
     ".bag": "A ROS 1 bag: convert it to MCAP.",
     ".db3": "A ROS 2 bag: convert it to MCAP (ros2 bag convert).",
 }
@@ -72,17 +65,13 @@ def how_to_convert(suffix: str) -> str:
     return CONVERT.get(suffix.lower(), "")
 
 
-def is_pointer(path: Path) -> bool:
-    """Whether the file is a Git LFS pointer in place of its content."""
+def refuse_pointer(path: Path) -> None:
+    """Raises FileError for a Git LFS pointer in place of a file's content."""
     try:
         with path.open("rb") as stream:
-            return stream.read(len(POINTER)) == POINTER
+            start = stream.read(len(POINTER))
     except OSError:
-        return False
-
-
-def refuse_pointer(path: Path) -> None:
-    """Raises FileError for a Git LFS pointer."""
-    if is_pointer(path):
+        return  # the reader says what is wrong with it
+    if start == POINTER:
         problem = "it is a Git LFS pointer: the file itself was not downloaded."
         raise FileError(path, problem, "Run `git lfs pull` in its repository.")

@@ -114,7 +114,8 @@ def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRa
     """
     if len(position) < FEWEST_FRAMES or position.shape != velocity.shape:
         return None
-    position, velocity = (finite_rows(each, 0, MOST_FRAMES).reshape(-1, _width(each)) for each in (position, velocity))
+    count = min(len(position), MOST_FRAMES)
+    position, velocity = (finite_rows(each, 0, count).reshape(count, -1) for each in (position, velocity))
     step, stored = 0.5 * (position[2:] - position[:-2]), velocity[1:-1]
     known = np.isfinite(step).all(axis=1) & np.isfinite(stored).all(axis=1)
     step, stored = step[known], stored[known]
@@ -131,10 +132,6 @@ def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRa
 def surest(*rates: VelocityRate | None) -> VelocityRate | None:
     """The rate with the smallest misfit; None where there is none."""
     return min((rate for rate in rates if rate is not None), key=lambda rate: rate.misfit, default=None)
-
-
-def _width(array: np.ndarray) -> int:
-    return int(np.prod(array.shape[1:]))
 
 
 def checked_rate(
@@ -168,11 +165,6 @@ def checked_rate(
     else:
         then, effect = "which is no usual rate. State the right one as `fps:` in data/sources.yaml", "rejected"
     text = f"the file says {stated:g} Hz, but its own velocities are those of {fps:.4g} Hz: {then}"
-    reason = Reason(
-        code="time_base",
-        text=text,
-        effect=effect,
-        value=round(fps / stated, 3),
-        limit=1.0 + CONTRADICTED,
-    )
+    value, limit = round(fps / stated, 3), 1.0 + CONTRADICTED
+    reason = Reason(code="time_base", text=text, effect=effect, value=value, limit=limit)
     return declared if effect == "rejected" else fps, (reason,)

@@ -4,8 +4,6 @@ A check has passed only if its result says so explicitly, belongs to this policy
 failed, failed to run, outdated or not run; nothing without a verdict counts as passed.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 from collections import Counter

@@ -4,8 +4,6 @@ All text is escaped. The page contains no time, so equal dossiers give equal byt
 person who signs.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from html import escape

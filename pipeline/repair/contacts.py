@@ -14,8 +14,10 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.quality.sole import inner_contacts
 from pipeline.repair.floor import densest
 from pipeline.repair.settings import ContactSettings
+from pipeline.repair.tree import FrameMask
 
 HEEL_BACK = 0.05
 """Heel behind the ankle [m]: the ankle lies over a quarter of the foot's .26 m (Winter 2009, foot length .152 H)."""
@@ -48,25 +50,25 @@ class FootPoints:
         return FootPoints(height=self.height[part], speed=self.speed[part], along_ground=self.along_ground[part])
 
 
+Feet = tuple[FootPoints, FootPoints]
+"""Left and right."""
+Contacts = Bool[np.ndarray, "t 2"]
+"""Foot on the ground (left, right)."""
+
+
 def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
     """Ball and heel of a foot; `ground` is the clip's floor [m], which no stance height strays far from."""
-    ball_w = clip.pos(f"{side}_toe")
-    ankle_w, foot_quat = clip.pos(f"{side}_ankle"), clip.quat(f"{side}_ankle")
+    ball_w, ankle_w, foot_quat = clip.pos(f"{side}_toe"), clip.pos(f"{side}_ankle"), clip.quat(f"{side}_ankle")
     ankle_height = _stance_height(ankle_w, clip.fps, ground)
     heel_w = ankle_w + rotation.rotate(foot_quat, np.array([-HEEL_BACK, 0.0, -(ankle_height - ground)]))
     points = np.stack([ball_w, heel_w], axis=1)
-    stance = np.array([_stance_height(points[:, 0], clip.fps, ground), _stance_height(points[:, 1], clip.fps, ground)])
+    stance = np.array([_stance_height(point_w, clip.fps, ground) for point_w in (ball_w, heel_w)])
     velocity = time_series.derivative(points, clip.fps)
-    return FootPoints(
-        height=points[..., 2] - stance,
-        speed=np.linalg.norm(velocity, axis=-1),
-        along_ground=velocity[..., :2],
-    )
+    speed = np.linalg.norm(velocity, axis=-1)
+    return FootPoints(height=points[..., 2] - stance, speed=speed, along_ground=velocity[..., :2])
 
 
-def label_contacts(
-    feet: tuple[FootPoints, FootPoints], fps: float, settings: ContactSettings
-) -> Bool[np.ndarray, "t 2"]:
+def label_contacts(feet: Feet, fps: float, settings: ContactSettings) -> Contacts:
     """Foot on the ground (left, right).
 
     How slow is slow follows from the clip: feet of a clean recording hardly move in stance, and what does is on
@@ -80,11 +82,11 @@ def label_contacts(
         low = foot.height < settings.height
         sure = np.any(low & (foot.speed < on_m_s), axis=1)
         possible = np.any(low & (foot.speed < off_m_s), axis=1)
-        columns.append(_without_short_runs(_grown(sure, possible), shortest))
+        columns.append(time_series.without_short_runs(_grown(sure, possible), shortest))
     return np.stack(columns, axis=-1)
 
 
-def _slow(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> float:
+def _slow(feet: Feet, settings: ContactSettings) -> float:
     """Speed [m/s] below which a low point of this clip begins a contact."""
     planted = []
     for foot in feet:
@@ -95,17 +97,14 @@ def _slow(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> flo
     return float(np.clip(TIMES_USUAL * usual, settings.speed_floor_m_s, settings.speed_on_m_s))
 
 
-def stance_slip(feet: tuple[FootPoints, FootPoints], contacts: Bool[np.ndarray, "t 2"]) -> float:
+def stance_slip(feet: Feet, contacts: Contacts) -> float:
     """Mean horizontal speed [m/s] of the slower of ball and heel of standing feet, without the ends of each stance."""
-    inner = contacts.copy()
-    inner[1:] &= contacts[:-1]
-    inner[:-1] &= contacts[1:]
-    speeds = [foot.horizontal.min(axis=1)[inner[:, side]] for side, foot in enumerate(feet)]
-    speed = np.concatenate(speeds)
+    inner = inner_contacts(contacts)
+    speed = np.concatenate([foot.horizontal.min(axis=1)[inner[:, side]] for side, foot in enumerate(feet)])
     return float(speed.mean()) if len(speed) else 0.0
 
 
-def both_feet(clip: HumanClip, ground: float) -> tuple[FootPoints, FootPoints]:
+def both_feet(clip: HumanClip, ground: float) -> Feet:
     """The points of the left and the right foot."""
     left, right = (foot_points(clip, side, ground) for side in FEET)
     return left, right
@@ -122,19 +121,9 @@ def _stance_height(point_w: Float[np.ndarray, "t 3"], fps: float, ground: float)
     return float(np.median(height[np.abs(height - centre) <= HEIGHT_BAND / 2.0]))
 
 
-def _grown(sure: Bool[np.ndarray, " t"], possible: Bool[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+def _grown(sure: FrameMask, possible: FrameMask) -> FrameMask:
     """Runs of `possible` that hold a frame of `sure`: hysteresis in both directions of time."""
     result = np.zeros_like(sure)
     for start, stop in time_series.runs(possible):
         result[start:stop] = sure[start:stop].any()
-    return result
-
-
-def _without_short_runs(label: Bool[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " t"]:
-    """Inner gaps shorter than `shortest` frames closed, then runs shorter than that dropped."""
-    result = label.copy()
-    for wanted in (False, True):
-        for start, stop in time_series.runs(result == wanted):
-            if stop - start < shortest and start > 0 and stop < len(label):
-                result[start:stop] = not wanted
     return result

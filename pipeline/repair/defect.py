@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
 
 from pipeline.clips.human_clip import BODIES
 from pipeline.clips.outcome import Reason
+from pipeline.repair.tree import BodyMask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,16 +42,9 @@ class Defect:
             where = f"frame {self.start}"
         else:
             where = f"frames {self.start}-{self.stop - 1}"
-        return Reason(
-            code=self.code,
-            text=f"{where}: {self.text}; {done}.",
-            effect=effect,
-            start_s=self.start / fps,
-            stop_s=self.stop / fps,
-            value=self.value,
-            limit=self.limit,
-            unit=self.unit,
-        )
+        numbers = {"value": self.value, "limit": self.limit, "unit": self.unit}
+        text = f"{where}: {self.text}; {done}."
+        return Reason.of_frames(self.code, text, effect, (self.start, self.stop), fps, **numbers)
 
 
 @dataclass
@@ -59,8 +53,8 @@ class Findings:
 
     frame_count: int
     defects: list[Defect] = field(default_factory=list)
-    lost_pos: Bool[np.ndarray, "t 19"] = field(init=False)
-    lost_rot: Bool[np.ndarray, "t 19"] = field(init=False)
+    lost_pos: BodyMask = field(init=False)
+    lost_rot: BodyMask = field(init=False)
 
     def __post_init__(self) -> None:
         self.lost_pos = np.zeros((self.frame_count, len(BODIES)), dtype=bool)
@@ -68,8 +62,8 @@ class Findings:
 
     def add(self, defects: list[Defect]) -> None:
         """Take what a detector found."""
+        self.defects += defects
         for defect in defects:
-            self.defects.append(defect)
             bodies = list(defect.bodies)
             if defect.pos:
                 self.lost_pos[defect.start : defect.stop, bodies] = True
@@ -88,7 +82,7 @@ class Findings:
         return sorted({defect.start for defect in self.defects if defect.is_cut})
 
     @property
-    def beside_cuts(self) -> Bool[np.ndarray, "t 19"]:
+    def beside_cuts(self) -> BodyMask:
         """The frames before and after each cut, of the bodies that jump there."""
         mask = np.zeros_like(self.lost_pos)
         for defect in self.defects:
@@ -97,7 +91,7 @@ class Findings:
         return mask
 
     @property
-    def lost(self) -> Bool[np.ndarray, "t 19"]:
+    def lost(self) -> BodyMask:
         return self.lost_pos | self.lost_rot
 
 
@@ -107,3 +101,21 @@ def names(bodies: tuple[int, ...] | list[int]) -> str:
         return "all joints"
     listed = ", ".join(BODIES[index] for index in list(bodies)[:3])
     return listed if len(bodies) <= 3 else f"{listed} and {len(bodies) - 3} more"
+
+
+def spans(code: str, text: str, mask: BodyMask, *, pos: np.ndarray | None, rot: np.ndarray | None) -> list[Defect]:
+    """A defect for each run of frames in which the same bodies are marked in `mask`."""
+    marked = np.flatnonzero(mask.any(axis=1))
+    if not len(marked):
+        return []
+    defects = []
+    changes = np.flatnonzero((np.diff(marked) > 1) | (mask[marked[1:]] != mask[marked[:-1]]).any(axis=1)) + 1
+    for group in np.split(marked, changes):
+        start, stop = int(group[0]), int(group[-1]) + 1
+        bodies = tuple(int(index) for index in np.flatnonzero(mask[start]))
+        lost: dict[str, Any] = {
+            kind: lost is not None and bool(lost[start:stop].any()) for kind, lost in (("pos", pos), ("rot", rot))
+        }
+        named = text.format(names=names(bodies))
+        defects.append(Defect(code=code, text=named, start=start, stop=stop, bodies=bodies, **lost))
+    return defects

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 
-from pipeline.clips.human_clip import HumanClip
-from pipeline.repair.defect import Defect, Findings
-from pipeline.repair.fill import fill, find_missing
+import numpy as np
+
+from pipeline import rotation
+from pipeline.clips.human_clip import PARENT, HumanClip
+from pipeline.repair.defect import Defect, Findings, spans
+from pipeline.repair.fill import fill
 from pipeline.repair.frozen import find_frozen
 from pipeline.repair.jumps import find_jumps, joined
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.shaking import find_noise
 from pipeline.repair.swapped import find_broken_bones, find_swapped, swap_back
+from pipeline.repair.tree import BodyMask
 from pipeline.repair.unsteadiness import Seen, find_spikes
 
 MOST_LOOKS = 4
@@ -19,6 +23,12 @@ MOST_LOOKS = 4
 
 BESIDE = 3
 """Frames between a stretch of one kind and one of another that touch each other, at most."""
+
+
+NEAR = 1e-6
+"""A body this close to the origin or its parent lies on it [m]: real data have more noise."""
+SHORTEST_BONE = 0.02
+"""Bodies that are closer to their parent than this throughout the clip are so by design [m]."""
 
 
 def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Findings]:
@@ -32,14 +42,11 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
         pos_w, quat_w = swap_back(clip, swapped)
         clip = dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
         seen = _bridged(clip, findings)
-    frozen, shaking = _frozen_and_shaking(clip, seen, findings, settings)
-    if frozen or shaking:
-        findings.add(frozen + shaking)
-        seen = _bridged(clip, findings)
-    broken = _new(find_broken_bones(seen.pos_w, findings.lost, settings), findings)
-    if broken:
-        findings.add(broken)
-        seen = _bridged(clip, findings)
+    for find in (_frozen_and_shaking, _broken_bones):
+        found = find(clip, seen, findings, settings)
+        if found:
+            findings.add(found)
+            seen = _bridged(clip, findings)
     jumps = joined(find_jumps(seen, findings.lost, clip.fps, settings), findings.defects)
     findings.add(jumps)
     for _ in range(MOST_LOOKS):
@@ -51,9 +58,7 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
     return clip, findings
 
 
-def _frozen_and_shaking(
-    clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings
-) -> tuple[list[Defect], list[Defect]]:
+def _frozen_and_shaking(clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings) -> list[Defect]:
     """What stands still, and what shakes although that is bridged.
 
     A joint that keeps a pose until it shakes, or from then on, did not jump out of it: that says nothing of the pose.
@@ -63,12 +68,16 @@ def _frozen_and_shaking(
         seen = _bridged(clip, findings.with_more(frozen))
     shaking = _new(find_noise(seen, clip.fps, settings), findings)
     if not frozen or not shaking:
-        return frozen, shaking
+        return frozen + shaking
     kept = [one for one in frozen if not any(_touches(one, other) for other in shaking)]
     if len(kept) == len(frozen):
-        return frozen, shaking
+        return frozen + shaking
     seen = _bridged(clip, findings.with_more(kept))
-    return kept, _new(find_noise(seen, clip.fps, settings), findings)
+    return kept + _new(find_noise(seen, clip.fps, settings), findings)
+
+
+def _broken_bones(clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings) -> list[Defect]:
+    return _new(find_broken_bones(seen.pos_w, findings.lost, settings), findings)
 
 
 def _touches(one: Defect, shaking: Defect) -> bool:
@@ -88,3 +97,34 @@ def _new(defects: list[Defect], findings: Findings) -> list[Defect]:
     """Defects with samples that were not lost already: a bridged gap at the clip's end is not frozen."""
     lost = findings.lost
     return [one for one in defects if not lost[one.start : one.stop][:, list(one.bodies)].all()]
+
+
+def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
+    """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), no rotations (`no_rotation`)."""
+    pos_w, quat_w = clip.body_pos_w, clip.body_quat_w
+    missing_pos = np.any(~np.isfinite(pos_w), axis=-1)
+    missing_rot = np.any(~np.isfinite(quat_w), axis=-1)
+    missing = np.logical_or(missing_pos, missing_rot)
+    zeroed = _zeroed(np.where(missing_pos[..., None], np.nan, pos_w))
+    norm = np.linalg.norm(np.where(missing_rot[..., None], 1.0, quat_w), axis=-1)
+    no_rotation = ~missing_rot & (np.abs(np.where(missing_rot, 1.0, norm) - 1.0) > settings.quat_norm_change)
+    return (
+        spans("missing", "{names} missing (not a number)", missing, pos=missing_pos, rot=missing_rot)
+        + spans("zeroed", "{names} at zero", zeroed, pos=zeroed, rot=zeroed)
+        + spans("no_rotation", "quaternion of {names} is not unit", no_rotation, pos=None, rot=no_rotation)
+    )
+
+
+def _zeroed(pos_w: np.ndarray) -> BodyMask:
+    """Bodies at the world's origin, or on their parent although their bone has a length."""
+    at_origin = rotation.length(pos_w) < NEAR
+    at_origin[at_origin[:, 0]] = True
+    bone = np.full(pos_w.shape[:2], np.inf)
+    bone[:, 1:] = rotation.length(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])])
+    known = np.isfinite(bone) & ~at_origin
+    usual = np.array(
+        [np.median(column[seen]) if seen.any() else 0.0 for column, seen in zip(bone.T, known.T, strict=True)]
+    )
+    with np.errstate(invalid="ignore"):
+        on_parent = (bone < NEAR) & (usual > SHORTEST_BONE)
+    return at_origin | on_parent

@@ -1,80 +1,30 @@
-"""Gaps in a clip filled from their surroundings, parents first, limbs kept at their lengths."""
+"""Lost samples filled from their surroundings, short gaps one way and longer ones another; limbs keep their lengths."""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import HumanClip
-from pipeline.repair.defect import Defect, names
-from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.smoothing import keep_lengths
-from pipeline.repair.tree import PARENT, Orientations, Positions, descendants, parent_pose, to_local
-
-NEAR = 1e-6
-"""A body this close to the origin or its parent lies on it [m]: real data have more noise."""
-SHORTEST_BONE = 0.02
-"""Bodies that are closer to their parent than this throughout the clip are so by design [m]."""
-
-
-def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
-    """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), no rotations (`no_rotation`)."""
-    pos_w, quat_w = clip.body_pos_w, clip.body_quat_w
-    missing_pos = np.any(~np.isfinite(pos_w), axis=-1)
-    missing_rot = np.any(~np.isfinite(quat_w), axis=-1)
-    missing = np.logical_or(missing_pos, missing_rot)
-    zeroed = _zeroed(np.where(missing_pos[..., None], np.nan, pos_w))
-    norm = np.linalg.norm(np.where(missing_rot[..., None], 1.0, quat_w), axis=-1)
-    no_rotation = ~missing_rot & (np.abs(np.where(missing_rot, 1.0, norm) - 1.0) > settings.quat_norm_change)
-    return (
-        spans("missing", "{names} missing (not a number)", missing, pos=missing_pos, rot=missing_rot)
-        + spans("zeroed", "{names} at zero", zeroed, pos=zeroed, rot=zeroed)
-        + spans("no_rotation", "quaternion of {names} is not unit", no_rotation, pos=None, rot=no_rotation)
-    )
-
-
-def spans(
-    code: str, text: str, mask: Bool[np.ndarray, "t 19"], *, pos: np.ndarray | None, rot: np.ndarray | None
-) -> list[Defect]:
-    """A defect for each run of frames in which the same bodies are marked in `mask`."""
-    defects = []
-    marked = np.flatnonzero(mask.any(axis=1))
-    if not len(marked):
-        return []
-    changes = np.flatnonzero((np.diff(marked) > 1) | (mask[marked[1:]] != mask[marked[:-1]]).any(axis=1)) + 1
-    for group in np.split(marked, changes):
-        start, stop = int(group[0]), int(group[-1]) + 1
-        bodies = tuple(int(index) for index in np.flatnonzero(mask[start]))
-        defect = Defect(
-            code=code,
-            text=text.format(names=names(bodies)),
-            start=start,
-            stop=stop,
-            bodies=bodies,
-            pos=pos is not None and bool(pos[start:stop].any()),
-            rot=rot is not None and bool(rot[start:stop].any()),
-        )
-        defects.append(defect)
-    return defects
-
-
-def _zeroed(pos_w: np.ndarray) -> Bool[np.ndarray, "t 19"]:
-    """Bodies at the world's origin, or on their parent although their bone has a length."""
-    at_origin = rotation.length(pos_w) < NEAR
-    at_origin[at_origin[:, 0]] = True
-    bone = np.full(pos_w.shape[:2], np.inf)
-    bone[:, 1:] = rotation.length(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])])
-    known = np.isfinite(bone) & ~at_origin
-    usual = np.array(
-        [np.median(column[seen]) if seen.any() else 0.0 for column, seen in zip(bone.T, known.T, strict=True)]
-    )
-    with np.errstate(invalid="ignore"):
-        on_parent = (bone < NEAR) & (usual > SHORTEST_BONE)
-    return at_origin | on_parent
-
+from pipeline.clips.human_clip import PARENT, HumanClip
+from pipeline.repair.defect import Findings
+from pipeline.repair.settings import FillSettings, SmoothSettings
+from pipeline.repair.tree import (
+    CHILDREN,
+    LIMBS,
+    BodyMask,
+    FrameMask,
+    Orientations,
+    PerBody,
+    Positions,
+    bone_lengths,
+    descendants,
+    parent_pose,
+    to_local,
+)
 
 CONTEXT_S = 0.055
 """Time on either side that a gap is bridged from [s]."""
@@ -85,11 +35,7 @@ DEGREE = 5
 
 
 def fill(
-    pos_w: Positions,
-    quat_w: Orientations,
-    lost_pos: Bool[np.ndarray, "t 19"],
-    lost_rot: Bool[np.ndarray, "t 19"],
-    fps: float,
+    pos_w: Positions, quat_w: Orientations, lost_pos: BodyMask, lost_rot: BodyMask, fps: float
 ) -> tuple[Positions, Orientations]:
     """The clip without its lost samples; the others do not change.
 
@@ -117,17 +63,8 @@ def fill(
     return new_pos, new_quat
 
 
-def fill_limbs(pos_w: Positions, lost_pos: Bool[np.ndarray, "t 19"], lengths: Float[np.ndarray, " 19"]) -> Positions:
-    """Positions with the limb bones of the frames in which something was lost brought to `lengths` [m]."""
-    frames = lost_pos.any(axis=1)
-    result = pos_w.copy()
-    if frames.any():
-        result[frames] = keep_lengths(pos_w[frames], np.broadcast_to(lengths, (int(frames.sum()), len(PARENT))))
-    return result
-
-
 def bridge(
-    values: Float[np.ndarray, "t n"], lost: Bool[np.ndarray, " t"], fps: float, context_s: float = CONTEXT_S
+    values: Float[np.ndarray, "t n"], lost: FrameMask, fps: float, context_s: float = CONTEXT_S
 ) -> Float[np.ndarray, "t n"]:
     """`values` with the frames marked `lost` made from the good ones within `context_s` of each run."""
     result = values.copy()
@@ -169,7 +106,7 @@ def _operator(before: tuple[int, ...], after: tuple[int, ...], count: int) -> Fl
     return basis(frames) @ solution + miss[:1] * (1.0 - share) + miss[1:] * share
 
 
-def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray, quat_w: Orientations) -> Bool[np.ndarray, "t 19"]:
+def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray, quat_w: Orientations) -> BodyMask:
     """Bodies that hang below a body of which only the orientation was lost, unless lost themselves.
 
     An orientation that is no rotation (not a number, not unit) has led nobody astray.
@@ -188,3 +125,187 @@ def _unit(quat_w: Orientations) -> Orientations:
     norm = np.linalg.norm(quat_w, axis=-1, keepdims=True)
     sound = np.isfinite(norm) & (norm > 0.0)
     return np.where(sound, quat_w / np.where(sound, norm, 1.0), rotation.IDENTITY)
+
+
+WINDOW_S = 0.16
+"""Time before and after a gap in which windows are compared [s]."""
+MISS_CONTEXT_S = 0.08
+"""Of it the part that what a window misses is bridged from [s]; longer than for a motion: it is small and noisy."""
+NEAREST = 4
+"""Windows that are averaged."""
+APART_S = 0.1
+"""Two of them are at least this far apart [s]; neighbours say the same."""
+SAMPLES = 16
+"""Frames of a window that are compared."""
+LARGEST_MISS = 0.08
+"""A window whose joints are further off than this on average is not similar [m]."""
+VELOCITY_S = 0.1
+"""Weight of a difference in the pelvis' velocity against one in place [m per m/s]."""
+
+
+def fill_similar(
+    pos_w: Positions, quat_w: Orientations, lost: BodyMask, start: int, stop: int, fps: float
+) -> tuple[Float[np.ndarray, "gap 19 3"], Float[np.ndarray, "gap 19 4"]] | None:
+    """Positions and orientations of frames [start, stop), every body; None where nothing is similar.
+
+    The clip comes with all gaps bridged; `lost` says which of its samples were not there.
+    """
+    context = max(3, round(WINDOW_S * fps))
+    low, high = start - context, stop + context
+    if low < 0 or high > len(pos_w):
+        return None
+    choices = _similar(pos_w, quat_w, lost, low, high, fps)
+    if not choices:
+        return None
+    known = ~lost[low:high]
+    made_pos, made_quat, weights = [], [], []
+    for first, miss in choices:
+        span = slice(first, first + high - low)
+        pos, quat = _onto(pos_w[span], quat_w[span], pos_w[low:high], known)
+        made_pos.append(pos)
+        made_quat.append(_same_sign(quat, made_quat[0]) if made_quat else quat)
+        weights.append(1.0 / (miss + 1e-3) ** 2)
+    share = np.array(weights) / np.sum(weights)
+    pos = np.tensordot(share, np.stack(made_pos), axes=1)
+    quat = rotation.normalize(np.tensordot(share, np.stack(made_quat), axes=1))
+    gap = np.zeros(high - low, dtype=bool)
+    gap[context:-context] = True
+    pos = _fitted(pos, pos_w[low:high], gap, fps)
+    quat = rotation.normalize(_fitted(quat, _same_sign(quat_w[low:high], quat), gap, fps))
+    return pos[gap], quat[gap]
+
+
+def _fitted(made: np.ndarray, target: np.ndarray, gap: Bool[np.ndarray, " m"], fps: float) -> np.ndarray:
+    """`made` (m, ...) plus what it misses of `target` around the gap, bridged across it."""
+    miss = (target - made).reshape(len(gap), -1)
+    return made + bridge(miss, gap, fps, MISS_CONTEXT_S).reshape(made.shape)
+
+
+def _same_sign(quat: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The same rotations, each on the side of `other`."""
+    return np.where(np.sum(quat * other, axis=-1, keepdims=True) < 0.0, -quat, quat)
+
+
+def _similar(
+    pos_w: Positions, quat_w: Orientations, lost: BodyMask, low: int, high: int, fps: float
+) -> list[tuple[int, float]]:
+    """First frames of the windows most like [low, high), with how far their joints are off [m]; best first."""
+    length = high - low
+    count = len(pos_w) - length + 1
+    at = np.unique(np.linspace(0, length - 1, min(SAMPLES, length)).round().astype(int))
+    pose = _poses(pos_w, quat_w, fps)
+    known = ~lost[low:high]
+    known = np.concatenate([known, known[:, :1]], axis=1)
+    total, terms = np.zeros(count), 0
+    for offset in at:
+        bodies = np.flatnonzero(known[offset])
+        if len(bodies):
+            apart = pose[offset : offset + count][:, bodies] - pose[low + offset, bodies]
+            total += np.sum(apart**2, axis=(1, 2))
+            terms += len(bodies)
+    if not terms:
+        return []
+    miss = np.sqrt(total / terms)
+    spoilt = np.concatenate([[0], np.cumsum(lost.any(axis=1))])
+    miss[(spoilt[length:] - spoilt[:-length]) > 0] = np.inf
+    chosen: list[tuple[int, float]] = []
+    for first in np.argsort(miss, kind="stable"):
+        if miss[first] > LARGEST_MISS or len(chosen) == NEAREST:
+            break
+        if all(abs(int(first) - other) >= APART_S * fps for other, _ in chosen):
+            chosen.append((int(first), float(miss[first])))
+    return chosen
+
+
+def _poses(pos_w: Positions, quat_w: Orientations, fps: float) -> Float[np.ndarray, "t 20 3"]:
+    """Joints from the pelvis, the pelvis' height, and its velocity, in the frame of the heading."""
+    ahead = rotation.rotate(quat_w[:, 0], np.array([1.0, 0.0, 0.0]))
+    back = rotation.about_z(-np.arctan2(ahead[:, 1], ahead[:, 0]))
+    joints = pos_w - pos_w[:, :1] * [1.0, 1.0, 0.0]
+    velocity = np.gradient(pos_w[:, 0], axis=0) * fps * VELOCITY_S
+    return rotation.rotate(back[:, None], np.concatenate([joints, velocity[:, None]], axis=1))
+
+
+def _onto(pos: Positions, quat: Orientations, target: Positions, known: BodyMask) -> tuple[Positions, Orientations]:
+    """A window turned about the vertical and moved so that its joints lie on the `known` ones of `target`."""
+    weight = known[..., None].astype(float)
+    total = weight.sum()
+    centre, goal = ((values * weight).sum(axis=(0, 1)) / total for values in (pos, target))
+    a, b = (pos - centre) * weight, (target - goal) * weight
+    cosine = np.sum(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
+    sine = np.sum(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    turn = rotation.about_z(float(np.arctan2(sine, cosine)))
+    moved = rotation.rotate(turn, pos - centre) + np.array([goal[0], goal[1], centre[2]])
+    return moved, rotation.multiply(turn, quat)
+
+
+def filled(clip: HumanClip, findings: Findings, dropped: FrameMask, settings: FillSettings) -> HumanClip:
+    """The clip without lost samples; frames that are `dropped` hold something finite and are not to be used.
+
+    Gaps longer than `short_gap_s` are filled from similar moments of the clip where it has them. Limb bones have
+    the clip's median lengths wherever a position was filled.
+    """
+    lost_pos, lost_rot = findings.lost_pos, findings.lost_rot
+    if not findings.lost.any():
+        return clip
+    pos_w, quat_w = fill(clip.body_pos_w, clip.body_quat_w, lost_pos, lost_rot, clip.fps)
+    astray = astray_bodies(lost_pos, lost_rot, clip.body_quat_w)
+    lost = findings.lost | astray
+    new_pos, new_quat = pos_w.copy(), quat_w.copy()
+    for start, stop in time_series.runs(lost.any(axis=1) & ~dropped):
+        if not settings.short_gap_s < (stop - start) / clip.fps <= settings.longest_gap_s + 1e-9:
+            continue
+        made = fill_similar(pos_w, quat_w, lost, start, stop, clip.fps)
+        if made is not None:
+            span = slice(start, stop)
+            new_pos[span] = np.where((lost_pos | astray)[span, :, None], made[0], pos_w[span])
+            new_quat[span] = np.where((lost_rot | astray)[span, :, None], made[1], quat_w[span])
+    good, moved = ~lost.any(axis=1), (lost_pos | astray).any(axis=1)
+    if good.any() and moved.any():
+        lengths = np.median(bone_lengths(clip.body_pos_w[good]), axis=0)
+        new_pos[moved] = keep_lengths(new_pos[moved], np.broadcast_to(lengths, (int(moved.sum()), len(PARENT))))
+    return dataclasses.replace(clip, body_pos_w=new_pos, body_quat_w=new_quat)
+
+
+def keep_lengths(pos_w: Positions, lengths: PerBody) -> Positions:
+    """Positions whose limb bones have `lengths` [m] (per frame and body; the bone to the body's parent).
+
+    Knees and elbows move in their limb's plane; an ankle or wrist moves only where the limb is too
+    short to reach it; the ball of the foot follows its ankle.
+    """
+    result = pos_w.copy()
+    for upper, middle, lower in LIMBS:
+        joint, end = _two_bones(
+            result[:, upper], result[:, middle], result[:, lower], lengths[:, middle], lengths[:, lower]
+        )
+        for toe in CHILDREN[lower]:
+            result[:, toe] = end + lengths[:, toe, None] * rotation.normalize(result[:, toe] - result[:, lower])
+        result[:, middle], result[:, lower] = joint, end
+    return result
+
+
+def _two_bones(
+    upper_w: np.ndarray, middle_w: np.ndarray, lower_w: np.ndarray, first: np.ndarray, second: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Middle and lower joint (t, 3) of a limb with bones `first` and `second` (t,), bent the way `middle_w` is."""
+    reach = lower_w - upper_w
+    distance = np.linalg.norm(reach, axis=-1)
+    allowed = np.clip(distance, np.abs(first - second), first + second)
+    along = rotation.normalize(reach)
+    out = middle_w - upper_w
+    out = rotation.normalize(out - along * np.sum(out * along, axis=-1, keepdims=True))
+    share = (first**2 - second**2 + allowed**2) / (2.0 * np.where(allowed > 0.0, allowed, 1.0))
+    height = np.sqrt(np.maximum(first**2 - share**2, 0.0))
+    return upper_w + along * share[:, None] + out * height[:, None], upper_w + along * allowed[:, None]
+
+
+def smoothed(clip: HumanClip, skill: str, settings: SmoothSettings) -> HumanClip:
+    """The clip low-passed, without lag. `skill` picks the cutoff: what is fast has faster parts."""
+    cutoff_hz = settings.fast_cutoff_hz if skill in settings.fast_skills else settings.cutoff_hz
+    poses = np.concatenate([clip.body_pos_w, rotation.make_continuous(clip.body_quat_w)], axis=2)
+    smooth = time_series.smooth(poses, clip.fps, cutoff_hz)
+    return dataclasses.replace(
+        clip,
+        body_pos_w=keep_lengths(smooth[..., :3], bone_lengths(clip.body_pos_w)),
+        body_quat_w=rotation.normalize(smooth[..., 3:]),
+    )

@@ -7,12 +7,13 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip, body
 from pipeline.repair.defect import Findings
 from pipeline.repair.settings import FloorSettings
+from pipeline.repair.tree import FrameMask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,21 +36,19 @@ class Placement:
 
     def applied(self, clip: HumanClip) -> HumanClip:
         """The clip in the piece's world."""
-        back = rotation.about_z(-self.heading_rad)
-        return dataclasses.replace(
-            clip,
-            body_pos_w=rotation.rotate(back, clip.body_pos_w - self.origin_w(clip)),
-            body_quat_w=rotation.make_continuous(rotation.multiply(back, clip.body_quat_w)),
-        )
+        return _turned(clip, -self.heading_rad, clip.body_pos_w - self.origin_w(clip))
 
     def undone(self, clip: HumanClip) -> HumanClip:
         """The piece in the world of its source."""
-        turn = rotation.about_z(self.heading_rad)
-        return dataclasses.replace(
-            clip,
-            body_pos_w=rotation.rotate(turn, clip.body_pos_w) + self.origin_w(clip),
-            body_quat_w=rotation.make_continuous(rotation.multiply(turn, clip.body_quat_w)),
-        )
+        turned = _turned(clip, self.heading_rad, clip.body_pos_w)
+        return dataclasses.replace(turned, body_pos_w=turned.body_pos_w + self.origin_w(clip))
+
+
+def _turned(clip: HumanClip, angle: float, pos_w: np.ndarray) -> HumanClip:
+    """A clip with bodies at `pos_w` [m], turned about the vertical by an angle [rad]."""
+    turn = rotation.about_z(angle)
+    quat_w = rotation.make_continuous(rotation.multiply(turn, clip.body_quat_w))
+    return dataclasses.replace(clip, body_pos_w=rotation.rotate(turn, pos_w), body_quat_w=quat_w)
 
 
 def place(clip: HumanClip, floor_m: float, heading_s: float) -> Placement:
@@ -96,8 +95,6 @@ class Floor:
     """How much higher the ground is at the clip's end than at its beginning; 0 where too few stances tell."""
     slope_m_s: float
     """What is taken out of the clip: the drift over its duration where it is more than people's feet explain, or 0."""
-    stance_frames: int
-    """Foot-frames the height was taken from."""
 
     def at(self, frame: int, clip: HumanClip) -> float:
         """Height of the ground at a frame of the clip as it was recorded [m]."""
@@ -105,7 +102,7 @@ class Floor:
 
 
 def find_floor(
-    clip: HumanClip, settings: FloorSettings, sound: Bool[np.ndarray, " t"], findings: Findings, recorded: HumanClip
+    clip: HumanClip, settings: FloorSettings, sound: FrameMask, findings: Findings, recorded: HumanClip
 ) -> Floor:
     """The ground of a clip, as filled, from its `sound` frames; and from those that shake, as `recorded`.
 
@@ -121,13 +118,12 @@ def find_floor(
     if len(level) < FEWEST_FRAMES:
         lows = np.concatenate([clip.pos(f"{side}_toe")[sound, 2] for side in FEET])
         lowest = float(np.percentile(lows, FALLBACK_PERCENTILE)) if len(lows) else settings.ball_height
-        return Floor(height=lowest - settings.ball_height, drift=0.0, slope_m_s=0.0, stance_frames=0)
+        return Floor(height=lowest - settings.ball_height, drift=0.0, slope_m_s=0.0)
     inside = np.abs(level - densest(level, settings.band)) <= settings.band / 2.0
     return Floor(
         height=float(np.median(level[inside])) - settings.ball_height,
         drift=slope * clip.duration_s,
         slope_m_s=taken,
-        stance_frames=int(inside.sum()),
     )
 
 
@@ -142,8 +138,8 @@ def levelled(clip: HumanClip, floor: Floor) -> HumanClip:
 
 
 def _toe(
-    clip: HumanClip, side: str, sound: Bool[np.ndarray, " t"], findings: Findings, recorded: HumanClip
-) -> tuple[Float[np.ndarray, "t 3"], Bool[np.ndarray, " t"]]:
+    clip: HumanClip, side: str, sound: FrameMask, findings: Findings, recorded: HumanClip
+) -> tuple[Float[np.ndarray, "t 3"], FrameMask]:
     """Positions of a toe [m], and the frames that tell of the ground.
 
     A toe that shakes does so about where it is: what is too rough for motion still tells a height, by its mean over a
@@ -166,11 +162,7 @@ def _toe(
 
 
 def _stances(
-    toe_pos_w: Float[np.ndarray, "t 3"],
-    seen: Bool[np.ndarray, " t"],
-    slope_m_s: float,
-    fps: float,
-    settings: FloorSettings,
+    toe_pos_w: Float[np.ndarray, "t 3"], seen: FrameMask, slope_m_s: float, fps: float, settings: FloorSettings
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Frames in which a toe is slow, of those in which it is seen, and its heights there [m], without a slope."""
     level_w = toe_pos_w.copy()
@@ -195,9 +187,7 @@ def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: F
         return 0.0
     first, second = first[far], second[far]
     slopes = (height[second] - height[first]) / (time_s[second] - time_s[first])
-    order = np.argsort(slopes, kind="stable")
-    total = np.cumsum(np.abs(time_s[second] - time_s[first])[order])
-    slope = float(slopes[order][np.searchsorted(total, total[-1] / 2.0)])
+    slope = time_series.weighted_median(slopes, np.abs(time_s[second] - time_s[first]))
     off = height - slope * time_s
     off -= np.median(off)
     weight = weight * np.clip(1.0 - (off / settings.band) ** 2, 0.0, None) ** 2
@@ -216,10 +206,8 @@ def _parts(frames: np.ndarray, heights: np.ndarray, fps: float) -> list[tuple[fl
         for part in range(parts):
             start, stop = (low + (high - low) * edge // parts for edge in (part, part + 1))
             if stop - start >= SHORTEST_STANCE_S * fps:
-                when = (frames[start] + frames[stop - 1]) / 2.0 / fps
-                result.append(
-                    (float(when), float(np.sort(heights[start:stop])[(stop - start) // 2]), (stop - start) / fps)
-                )
+                when, middle = (frames[start] + frames[stop - 1]) / 2.0 / fps, (stop - start) // 2
+                result.append((float(when), float(np.sort(heights[start:stop])[middle]), (stop - start) / fps))
     return result
 
 

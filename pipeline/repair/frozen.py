@@ -1,18 +1,212 @@
-"""Stretches in which the recording stood still: real motion is never equal to the last bit."""
+"""Stretches in which the recording stood still: real motion is never equal to the last bit.
+
+People rest, too: knees lock, feet stand, arms are held. A rest is taken up and left without a jump, however fast the
+motion on both sides; a recording that lost a body for a while holds it, and then jumps to where it has gone meanwhile.
+Where a rest of the person and a lost stretch follow each other in one pose, other rests in that pose tell how long the
+person keeps it at least.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import BODIES
-from pipeline.repair.defect import Defect
-from pipeline.repair.fill import spans
-from pipeline.repair.holds import Hold, Limits, aligned, find_holds
+from pipeline.clips.human_clip import BODIES, PARENT
+from pipeline.repair.defect import Defect, spans
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import FEET_BODIES, PARENT
+from pipeline.repair.tree import FEET_BODIES, BodyMask, FrameMask, PerBody
 from pipeline.repair.unsteadiness import Seen, slow_rate, turn_limits
+
+BESIDE = 2
+"""A jump so near to frames that are not known tells nothing [frames]."""
+COMEBACK, COMEBACK_SHARE = 5, 0.5
+"""What jumps back to the pose within so many frames, by this share, was a spike beside the rest."""
+PAUSE = 3
+"""Of rests in one pose with no more frames between them the person had ended the first."""
+
+SAME = 1e-4
+"""Poses that are no further apart are one: rests creep a little [entries of rotation matrices, m]."""
+NEAREST = 4
+"""Of so many rests in a pose the shortest tells how long the person keeps it at least: about two on either side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a body's rest is judged by, in [rad] or [m] but for the last."""
+
+    step: float
+    """A body that moves less from frame to frame rests."""
+    jump: float
+    """The person takes a rest up and leaves it by less."""
+    short: float
+    """Jumps on both sides that tell of a held pose of fewer than `frames`."""
+    entering: float
+    """Jumps on both sides that tell where the person's own rests in that pose jump, too."""
+    frames: int
+    """Equal frames that count as a rest."""
+    longest: float
+    """What is kept for more frames is where the body is locked."""
+    excursion: float
+    """What jumps out of a pose and back into it within so many frames was elsewhere."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rest:
+    """Frames [start, stop) that equal the one before, and the jumps into and out of their pose."""
+
+    start: int
+    stop: int
+    entered: float
+    left: float
+    whole: bool
+    """The clip does not begin or end in it."""
+
+    @property
+    def frames(self) -> int:
+        return self.stop - self.start
+
+    def jumps(self, limit: float) -> bool:
+        """Whether it is taken up or left by more than this."""
+        return max(self.entered, self.left) > limit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """Frames [start, stop) in which a body is held; `entered` where it jumped into the pose."""
+
+    start: int
+    stop: int
+    entered: bool
+    first: int
+    last: int
+    """Frames [first, last) of the pose: of them the person may have kept some."""
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether all of the pose is held."""
+        return (self.start, self.stop) == (self.first, self.last)
+
+
+def find_holds(
+    still: FrameMask,
+    value: Float[np.ndarray, "t d"],
+    jump: Float[np.ndarray, " t"],
+    unknown: FrameMask,
+    limits: Limits,
+    *,
+    anywhere: bool = False,
+) -> list[Hold]:
+    """Rests of a body that are not the person's.
+
+    `still` frames equal the one before, `jump` is how unsteady the step into each frame is, `unknown` frames are
+    bridged. `anywhere` rests in other poses count as if they were in the same: feet stand where they come down.
+    """
+    count, ahead = len(value), (value, jump, unknown)
+    back = (value[::-1], np.concatenate([[0.0], jump[:0:-1]]), unknown[::-1])
+    rests = [
+        Rest(
+            start=start,
+            stop=stop,
+            entered=_jump(*back, count + 1 - start),
+            left=_jump(*ahead, stop),
+            whole=start > 1 and stop < count,
+        )
+        for start, stop in time_series.runs(still & ~unknown)
+    ]
+    poses = value[[one.stop - 1 for one in rests]]
+    rests = _without_excursions(rests, poses, jump, limits)
+    suspects: list[tuple[Rest, list[Rest]]] = []
+    for number, one in enumerate(rests):
+        if one.jumps(limits.jump) and one.frames <= limits.longest:
+            there = np.full(len(rests), True) if anywhere else np.abs(poses - poses[number]).max(axis=1) < SAME
+            there[number] = False
+            others = [rests[other] for other in np.flatnonzero(there)]
+            if _suspect(one, others, limits):
+                suspects.append((one, others))
+    return [
+        _hold(one, others, limits)
+        for one, others in suspects
+        if not any(_gives_way(one, others, *more, limits) for more in suspects)
+    ]
+
+
+def _jump(value: Float[np.ndarray, "t d"], jump: Float[np.ndarray, " t"], unknown: FrameMask, frame: int) -> float:
+    """Size of the jump into the frame after a rest; none that is not known, or that another soon leads back from."""
+    if frame + BESIDE >= len(value) or unknown[frame : frame + BESIDE + 1].any():
+        return 0.0
+    later = slice(frame + 1, frame + 1 + COMEBACK)
+    apart = np.linalg.norm(value[frame : frame + 1 + COMEBACK] - value[frame - 1], axis=1)
+    back = (apart[1:] < COMEBACK_SHARE * apart[0]) & (jump[later] > COMEBACK_SHARE * jump[frame])
+    return 0.0 if back.any() else float(jump[frame])
+
+
+def _without_excursions(
+    rests: list[Rest], poses: Float[np.ndarray, "n d"], jump: Float[np.ndarray, " t"], limits: Limits
+) -> list[Rest]:
+    """Rests that do not count the jumps out of a pose and, soon, back into it: what is between was elsewhere."""
+    result = list(rests)
+    for number in range(len(rests) - 1):
+        one, after = rests[number], rests[number + 1]
+        near = after.start - one.stop <= limits.excursion and np.abs(poses[number + 1] - poses[number]).max() < SAME
+        if near and min(jump[one.stop], jump[after.start - 1]) > limits.jump:
+            result[number] = dataclasses.replace(result[number], left=0.0)
+            result[number + 1] = dataclasses.replace(after, entered=0.0)
+    return result
+
+
+def _suspect(one: Rest, others: list[Rest], limits: Limits) -> bool:
+    """Whether a rest that jumps is held: those of a person's locked joint may jump, but all do."""
+    if one.frames < limits.frames:
+        return min(one.entered, one.left) > limits.short
+    locked = any(other.jumps(limits.jump) or other.frames > limits.longest for other in others)
+    return not locked or min(one.entered, one.left) > limits.entering
+
+
+def _gives_way(one: Rest, others: list[Rest], next_to: Rest, its_others: list[Rest], limits: Limits) -> bool:
+    """Whether a rest jumps because what is next to it is held.
+
+    Of two poses that is held which is kept at no other time, or which is jumped into and out of, or the shorter one.
+    """
+    if not 0 <= max(next_to.start - one.stop, one.start - next_to.stop) <= BESIDE:
+        return False
+    both = [min(rest.entered, rest.left) > limits.jump for rest in (one, next_to)]
+    return (not others, both[0], -one.frames) < (not its_others, both[1], -next_to.frames)
+
+
+def _hold(one: Rest, others: list[Rest], limits: Limits) -> Hold:
+    """What of a rest is held: all, or what is longer than others in that pose are where it has one smooth end."""
+    entered, left = one.entered > limits.jump, one.left > limits.jump
+    start, stop = one.start - entered, one.stop
+    near = sorted(
+        (other for other in others if other.whole and not other.jumps(limits.jump)),
+        key=lambda other: abs(other.start - start),
+    )
+    at_least = min((other.frames for other in near[:NEAREST]), default=0)
+    if left and not entered and not any(0 < one.start - other.stop <= PAUSE for other in others):
+        start = min(start + at_least, stop - 1)
+    if entered and not left and not any(0 < other.start - one.stop <= PAUSE for other in others):
+        stop = max(stop - at_least, start + 1)
+    return Hold(start=start, stop=stop, entered=entered, first=one.start - entered, last=one.stop)
+
+
+def aligned(holds: list[list[Hold]]) -> list[list[Hold]]:
+    """Holds of each body; those of which the person may have kept a part begin and end with others' if they can."""
+    sure = [one for body in holds for one in body if one.is_sure]
+
+    def with_others(hold: Hold) -> Hold:
+        for other in [] if hold.is_sure else sure:
+            if hold.start > hold.first and other.stop == hold.stop and hold.first <= other.start:
+                return dataclasses.replace(hold, start=other.start)
+            if hold.stop < hold.last and other.start == hold.start and other.stop <= hold.last:
+                return dataclasses.replace(hold, stop=other.stop)
+        return hold
+
+    return [[with_others(one) for one in body] for body in holds]
+
 
 POSE_BODIES = 12
 """Where so many joints keep their rotation the whole pose is not the person's."""
@@ -28,7 +222,7 @@ LOCKED_SHARE = 0.5
 """An angle that is kept for more than this share of the clip is where a joint is locked, or there is none."""
 
 
-def find_frozen(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_frozen(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Frames equal to the one before: the whole body (`frozen`; alone `repeated_frame`) or one joint.
 
     What is `lost` is bridged in what is `seen`, and tells nothing of the bones it is at the ends of.
@@ -55,12 +249,7 @@ def find_frozen(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings
 
 
 def _frozen_joints(
-    seen: Seen,
-    still_pos: Bool[np.ndarray, "t 19"],
-    whole: Bool[np.ndarray, " t"],
-    lost: Bool[np.ndarray, "t 19"],
-    fps: float,
-    settings: DetectionSettings,
+    seen: Seen, still_pos: BodyMask, whole: FrameMask, lost: BodyMask, fps: float, settings: DetectionSettings
 ) -> list[Defect]:
     """Joints that stand still to the last bit and jump out of it (`frozen_joint`), or into it as well (`dropout`)."""
     unknown = np.asarray(lost | whole[:, None])
@@ -78,12 +267,10 @@ def _frozen_joints(
     return defects + spans("frozen_joint", "{names} keep their place while the leg moves on", torn, pos=torn, rot=torn)
 
 
-def _turned(
-    seen: Seen, unknown: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings
-) -> dict[str, Bool[np.ndarray, "t 19"]]:
+def _turned(seen: Seen, unknown: BodyMask, fps: float, settings: DetectionSettings) -> dict[str, BodyMask]:
     """Frames in which each body's rotation in its parent's frame is held; the pelvis has no parent."""
     still = _step(rotation.length(seen.local_turns)) < settings.still_step
-    entering = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * slow_rate(fps)
+    entering = turn_limits(settings) * slow_rate(fps)
     holds: list[list[Hold]] = [[] for _ in BODIES]
     for index in (1 + np.flatnonzero(still[:, 1:].any(axis=0))).tolist():
         limits = Limits(
@@ -101,12 +288,8 @@ def _turned(
 
 
 def _moved(
-    seen: Seen,
-    still: Bool[np.ndarray, "t 19"],
-    unknown: Bool[np.ndarray, "t 19"],
-    fps: float,
-    settings: DetectionSettings,
-) -> dict[str, Bool[np.ndarray, "t 19"]]:
+    seen: Seen, still: BodyMask, unknown: BodyMask, fps: float, settings: DetectionSettings
+) -> dict[str, BodyMask]:
     """Frames in which each body's place in the world is held, and with an ankle its toes.
 
     Feet jump where their place in the parent's frame does, too: else it is the whole leg that jumps.
@@ -135,7 +318,7 @@ def _moved(
     return held
 
 
-def _marked(holds: list[list[Hold]], count: int) -> dict[str, Bool[np.ndarray, "t 19"]]:
+def _marked(holds: list[list[Hold]], count: int) -> dict[str, BodyMask]:
     """Frames in which each body is held, by the name under which it is reported."""
     held = {code: np.zeros((count, len(BODIES)), dtype=bool) for code in ("dropout", "frozen_joint")}
     for index, body in enumerate(holds):
@@ -145,8 +328,8 @@ def _marked(holds: list[list[Hold]], count: int) -> dict[str, Bool[np.ndarray, "
 
 
 def _torn_feet(
-    seen: Seen, still_pos: Bool[np.ndarray, "t 19"], lost: Bool[np.ndarray, "t 19"], settings: DetectionSettings
-) -> tuple[Bool[np.ndarray, "t 19"], Bool[np.ndarray, "t 19"]]:
+    seen: Seen, still_pos: BodyMask, lost: BodyMask, settings: DetectionSettings
+) -> tuple[BodyMask, BodyMask]:
     """Ankles and toes that keep their place as planted feet do, but off which the bone above them is pulled.
 
     From where that begins on, and from where they keep it: the foot may have stood first. The next bone of the leg
@@ -168,12 +351,12 @@ def _torn_feet(
     return torn, stood
 
 
-def _still_places(seen: Seen, settings: DetectionSettings) -> Bool[np.ndarray, "t 19"]:
+def _still_places(seen: Seen, settings: DetectionSettings) -> BodyMask:
     """Joints that are where they were in the frame before."""
     x, y, z = np.moveaxis(np.abs(np.diff(seen.pos_w, axis=0)), -1, 0)
     return _step(np.maximum(np.maximum(x, y), z)) < settings.still_step
 
 
-def _step(size: Float[np.ndarray, "s 19"]) -> Float[np.ndarray, "t 19"]:
+def _step(size: Float[np.ndarray, "s 19"]) -> PerBody:
     """Steps from the frame before; the first frame has none and counts as moving."""
     return np.concatenate([np.full((1, size.shape[1]), np.inf), size])

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES
+from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import PARENT, TOES, Orientations, Positions
+from pipeline.repair.tree import TOES, BodyMask, FrameMask, Orientations, Positions
 from pipeline.repair.unsteadiness import Seen, limits, slow_rate, turn_limits
 
 USUAL_PERCENTILE = 95.0
@@ -35,13 +36,13 @@ EVERYBODY = tuple(range(len(BODIES)))
 class Edges:
     """Frames into which each body jumps (t, 19)."""
 
-    place: Bool[np.ndarray, "t 19"]
-    turn: Bool[np.ndarray, "t 19"]
-    large: Bool[np.ndarray, "t 19"]
+    place: BodyMask
+    turn: BodyMask
+    large: BodyMask
     """Large enough to be reported alone; a smaller one needs another one soon that leads back."""
 
 
-def find_jumps(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_jumps(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Jumps of the whole body (`teleport`, `heading_jump`, `opening_pose`) and of single joints (`joint_jump`).
 
     A stretch between two jumps that the body came back from is lost (`dropout`, `spike`); a jump
@@ -64,9 +65,9 @@ def find_jumps(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings:
     return defects
 
 
-def _edges(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> Edges:
+def _edges(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> Edges:
     measured, rate, usual = seen.unsteadiness, slow_rate(fps), np.asarray(~lost.any(axis=1))
-    least = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump)
+    least = turn_limits(settings)
     near = np.full(len(EVERYBODY), settings.position_jump)
     near[0] = settings.root_jump
     ends = np.ones((len(seen.pos_w), 1))
@@ -114,42 +115,51 @@ def _slow(size: Float[np.ndarray, "t n"], floor: Float[np.ndarray, " n"], rate: 
     return np.clip(SLOW_SPREAD * np.percentile(size, USUAL_PERCENTILE, axis=0), floor, floor * rate)
 
 
-def _root_defects(
-    pos_w: Positions,
-    quat_w: Orientations,
-    place: Bool[np.ndarray, " t"],
-    turn: Bool[np.ndarray, " t"],
-    fps: float,
-    settings: DetectionSettings,
-) -> list[Defect]:
-    edges = np.flatnonzero(place | turn)
-    step = np.concatenate([[0.0], np.linalg.norm(np.diff(pos_w[:, 0], axis=0), axis=1)])
-    angle = np.concatenate([[0.0], rotation.angle_between(quat_w[:-1, 0], quat_w[1:, 0])])
-    top = COMEBACK_SPEED * np.percentile(step, 90), COMEBACK_SPEED * np.percentile(angle, 90)
+def _steps(
+    pos: Float[np.ndarray, "t 3"], quat: Float[np.ndarray, "t 4"], percentile: float, slack_m: float, slack_rad: float
+) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"], Callable[[int, int], bool]]:
+    """Way [m] and turn [rad] of a body into each frame, and whether it is at `stop` back where it left at `start`.
 
-    def text(edge: int) -> str:
-        return f"the pelvis jumps by {step[edge]:.2f} m and {np.rad2deg(angle[edge]):.0f} deg"
+    Args:
+        percentile: of the body's own steps; `COMEBACK_SPEED` times that is the fastest way back
+        slack_m: way that is always allowed, and `slack_rad` turn
+    """
+    way = np.concatenate([[0.0], np.linalg.norm(np.diff(pos, axis=0), axis=1)])
+    angle = np.concatenate([[0.0], rotation.angle_between(quat[:-1], quat[1:])])
+    top_way, top_angle = (COMEBACK_SPEED * np.percentile(size, percentile) for size in (way, angle))
 
     def came_back(start: int, stop: int) -> bool:
-        way = np.linalg.norm(pos_w[stop, 0] - pos_w[start - 1, 0])
-        turned = rotation.angle_between(quat_w[start - 1, 0], quat_w[stop, 0])
+        moved = np.linalg.norm(pos[stop] - pos[start - 1])
+        turned = rotation.angle_between(quat[start - 1], quat[stop])
         frames = stop - start + 1
-        return bool(way <= top[0] * frames + 0.02 and turned <= top[1] * frames + 0.05)
+        return bool(moved <= top_way * frames + slack_m and turned <= top_angle * frames + slack_rad)
 
+    return way, angle, came_back
+
+
+def _pose_at_end(start: int, stop: int, count: int) -> str | None:
+    """The code of a stretch at the clip's beginning or end: a pose that is not part of the motion."""
+    if start == stop or (start > 0 and stop < count):
+        return None
+    return "opening_pose" if start == 0 else "closing_pose"
+
+
+def _root_defects(
+    pos_w: Positions, quat_w: Orientations, place: FrameMask, turn: FrameMask, fps: float, settings: DetectionSettings
+) -> list[Defect]:
+    way, angle, came_back = _steps(pos_w[:, 0], quat_w[:, 0], 90, 0.02, 0.05)
     defects = []
-    for start, stop in _stretches(edges, len(pos_w), came_back, fps, settings):
-        code = "dropout" if stop > start else ("teleport" if place[start] else "heading_jump")
+    for start, stop in _stretches(np.flatnonzero(place | turn), len(pos_w), came_back, fps, settings):
         edge = start if start > 0 else stop
-        if start != stop and (start == 0 or stop == len(pos_w)):
-            code = "opening_pose" if start == 0 else "closing_pose"
+        jump = "dropout" if stop > start else ("teleport" if place[start] else "heading_jump")
         defects.append(
             Defect(
-                code=code,
-                text=text(edge),
+                code=_pose_at_end(start, stop, len(pos_w)) or jump,
+                text=f"the pelvis jumps by {way[edge]:.2f} m and {np.rad2deg(angle[edge]):.0f} deg",
                 start=start,
                 stop=stop,
                 bodies=EVERYBODY,
-                value=float(step[edge] if place[edge] else angle[edge]),
+                value=float(way[edge] if place[edge] else angle[edge]),
                 limit=settings.root_jump if place[edge] else settings.angle_jump,
                 unit="m" if place[edge] else "rad",
             )
@@ -159,44 +169,30 @@ def _root_defects(
 
 def _joint_defects(
     index: int,
-    edges: Bool[np.ndarray, " t"],
-    large: Bool[np.ndarray, " t"],
-    place: Bool[np.ndarray, " t"],
+    edges: FrameMask,
+    large: FrameMask,
+    place: FrameMask,
     offset: Positions,
     turn: Orientations,
     fps: float,
     settings: DetectionSettings,
 ) -> list[Defect]:
-    angle = np.concatenate([[0.0], rotation.angle_between(turn[:-1, index], turn[1:, index])])
-    way = np.concatenate([[0.0], np.linalg.norm(np.diff(offset[:, index], axis=0), axis=1)])
-    top = COMEBACK_SPEED * np.percentile(angle, 95), COMEBACK_SPEED * np.percentile(way, 95)
-
-    def came_back(start: int, stop: int) -> bool:
-        frames = stop - start + 1
-        turned = rotation.angle_between(turn[start - 1, index], turn[stop, index])
-        moved = np.linalg.norm(offset[stop, index] - offset[start - 1, index])
-        return bool(turned <= top[0] * frames + 0.1 and moved <= top[1] * frames + 0.01)
-
+    way, angle, came_back = _steps(offset[:, index], turn[:, index], 95, 0.01, 0.1)
     defects = []
     for start, stop in _stretches(np.flatnonzero(edges), len(edges), came_back, fps, settings):
         brief = start > 0 and start < stop < min(len(edges), start + SMALL_S * fps)
-        counts = brief or large[start : stop + 1].any()
-        if not counts:
+        if not (brief or large[start : stop + 1].any()):
             continue
-        edge = start if start > 0 else stop
-        code = "joint_jump" if start == stop else ("spike" if stop - start <= 2 else "dropout")
-        if start != stop and (start == 0 or stop == len(edges)):
-            code = "opening_pose" if start == 0 else "closing_pose"
-        lost_pos = bool(place[max(start, 1) : stop + 1].any())
-        text = f"{names([index])} jumps by {np.rad2deg(angle[edge]):.0f} deg and {way[edge]:.3f} m"
+        edge, pose = start if start > 0 else stop, _pose_at_end(start, stop, len(edges))
+        jump = "joint_jump" if start == stop else ("spike" if stop - start <= 2 else "dropout")
         defects.append(
             Defect(
-                code=code,
-                text=text,
+                code=pose or jump,
+                text=f"{names([index])} jumps by {np.rad2deg(angle[edge]):.0f} deg and {way[edge]:.3f} m",
                 start=start,
                 stop=stop,
-                bodies=EVERYBODY if code.endswith("_pose") else (index,),
-                pos=lost_pos or code.endswith("_pose"),
+                bodies=EVERYBODY if pose else (index,),
+                pos=pose is not None or bool(place[max(start, 1) : stop + 1].any()),
                 value=float(angle[edge]),
                 limit=settings.angle_jump,
                 unit="rad",
@@ -206,7 +202,7 @@ def _joint_defects(
 
 
 def _stretches(
-    edges: np.ndarray, frame_count: int, came_back, fps: float, settings: DetectionSettings
+    edges: np.ndarray, frame_count: int, came_back: Callable[[int, int], bool], fps: float, settings: DetectionSettings
 ) -> list[tuple[int, int]]:
     """Lost stretches [start, stop) and cuts (start == stop) that a body's jumps, sorted, amount to."""
     longest, ends = settings.longest_spike_s * fps, max(settings.opening_s * fps, 3)

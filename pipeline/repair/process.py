@@ -13,17 +13,15 @@ from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.repair import reasons
-from pipeline.repair.contacts import FootPoints, both_feet, label_contacts, stance_slip
+from pipeline.repair.contacts import Feet, both_feet, label_contacts, stance_slip
 from pipeline.repair.defect import Findings
 from pipeline.repair.detect import detect
-from pipeline.repair.filling import filled
+from pipeline.repair.fill import filled, smoothed
 from pipeline.repair.floor import Floor, find_floor, levelled, place
-from pipeline.repair.planting import Planted, planted
 from pipeline.repair.reasons import Division, divide
 from pipeline.repair.robot_motion import process_robot
 from pipeline.repair.settings import RepairSettings
-from pipeline.repair.skating import Skating, find_skating
-from pipeline.repair.smoothing import smoothed
+from pipeline.repair.skating import Planted, Skating, find_skating, planted
 from pipeline.repair.tree import Positions
 from pipeline.robot import Robot
 
@@ -103,16 +101,14 @@ def window_of(name: str, frame_count: int, numbers: Numbers) -> tuple[int, int]:
 def _pieces(
     clip: HumanClip, start: int, stop: int, skill: str, division: Division, floor: Floor, settings: RepairSettings
 ) -> tuple[tuple[Piece, ...], list[Reason]]:
-    """The window's stretches that go on, and why others do not."""
+    """The window's stretches that are kept, and why others are not."""
     context = round(CONTEXT_S * clip.fps)
-    inside = [(max(low, start), min(high, stop)) for low, high in division.stretches if low < stop and high > start]
-    around = [
-        (max(low, start - context), min(high, stop + context))
-        for low, high in division.stretches
-        if low < stop and high > start
-    ]
     gathered, taken = [], []
-    for (first, last), (low, high) in zip(inside, around, strict=True):
+    for begin, end in division.stretches:
+        first, last = max(begin, start), min(end, stop)
+        low, high = max(begin, start - context), min(end, stop + context)
+        if first >= last:
+            continue
         if (last - first) / clip.fps < settings.min_seconds:
             gathered.append(reasons.too_short(first, last, clip.fps, settings.min_seconds))
             continue
@@ -124,20 +120,19 @@ def _pieces(
         begun = min((one.start for one in skating), default=first)
         ended = max((one.stop for one in skating), default=last)
         sliding, whole = slice(begun - low, ended - low), slice(first - low, last - low)
-        fixed = _planted(labelled, pos_w, feet, bool(skating), (sliding, whole), _fastest(skating), floor, settings)
+        fixed = _planted(labelled, pos_w, feet, skating, (sliding, whole), floor, settings)
         if fixed is not None:
             labelled, feet, skating = fixed.clip, both_feet(fixed.clip, floor.height), []
             gathered.append(reasons.of_planting(fixed, begun, ended, clip.fps, settings.contact))
-        gathered += reasons.of_skating(skating, clip.fps, settings.contact)
-        for start, stop in _between(skating, first, last):
-            refused, piece = _piece(labelled, feet, start, stop, low, settings)
+        gathered += [reasons.of_skating(one, clip.fps, settings.contact) for one in skating]
+        for low_kept, high_kept in _between(skating, first, last):
+            refused, piece = _piece(labelled, feet, low_kept, high_kept, low, settings)
             gathered += refused
             if piece is not None:
-                taken.append((start, *piece, fixed))
-    several = len(taken) > 1
+                taken.append((low_kept, *piece, fixed))
     pieces = []
     for number, (first, piece, slip, fixed) in enumerate(taken, start=1):
-        named = dataclasses.replace(piece, name=f"{clip.name}+{number}" if several else clip.name)
+        named = dataclasses.replace(piece, name=f"{clip.name}+{number}" if len(taken) > 1 else clip.name)
         placed = _placed(named, first, slip, division, floor, floor.at(first, clip), settings)
         planting = {"planted_m_s": fixed.mean_m_s if fixed else 0.0, "planted_m": fixed.way_m if fixed else 0.0}
         pieces.append(dataclasses.replace(placed, numbers={**placed.numbers, **planting}))
@@ -147,10 +142,9 @@ def _pieces(
 def _planted(
     labelled: HumanClip,
     pos_w: Positions,
-    feet: tuple[FootPoints, FootPoints],
-    skates: bool,
+    feet: Feet,
+    skating: list[Skating],
     spans: tuple[slice, slice],
-    fastest_m_s: float,
     floor: Floor,
     settings: RepairSettings,
 ) -> Planted | None:
@@ -159,21 +153,20 @@ def _planted(
     Args:
         labelled: the stretch and its surroundings, with contacts
         pos_w: its bodies before smoothing
-        skates: whether a stretch of sliding feet was found
+        skating: stretches in which the feet slide
         spans: frames in which the feet slide, and those of the whole stretch
-        fastest_m_s: of sliding feet
     """
     contact, fps = settings.contact, labelled.fps
     sliding, within = spans
     assert labelled.contacts is not None
 
-    def too_fast(clip: HumanClip, feet: tuple[FootPoints, FootPoints], limit_m_s: float) -> bool:
+    def too_fast(clip: HumanClip, feet: Feet, limit_m_s: float) -> bool:
         assert clip.contacts is not None
         slip = stance_slip((feet[0].cut(within), feet[1].cut(within)), clip.contacts[within])
         return slip > limit_m_s + contact.slip_per_speed * _ground_speed(clip.pos("pelvis")[within], fps)
 
-    slides = skates or too_fast(labelled, feet, contact.slip_limit_m_s)
-    fast = fastest_m_s > contact.plant_m_s or too_fast(labelled, feet, contact.plant_m_s)
+    slides = skating or too_fast(labelled, feet, contact.slip_limit_m_s)
+    fast = any(one.speed_m_s > contact.plant_m_s for one in skating) or too_fast(labelled, feet, contact.plant_m_s)
     if not slides or fast:
         return None
     found = planted(labelled, feet, labelled.contacts, sliding, contact.plant_m_s)
@@ -187,20 +180,10 @@ def _planted(
     return found
 
 
-def _fastest(skating: list[Skating]) -> float:
-    """Highest speed [m/s] of stretches in which the feet slide, 0 without any."""
-    return max((one.speed_m_s for one in skating), default=0.0)
-
-
 def _piece(
-    labelled: HumanClip,
-    feet: tuple[FootPoints, FootPoints],
-    start: int,
-    stop: int,
-    low: int,
-    settings: RepairSettings,
+    labelled: HumanClip, feet: Feet, start: int, stop: int, low: int, settings: RepairSettings
 ) -> tuple[list[Reason], tuple[HumanClip, float] | None]:
-    """Frames [start, stop) of the source and how much their feet slip, or why they don't go on.
+    """Frames [start, stop) of the source and how much their feet slip, or why they are not kept.
 
     `labelled` begins at the source's frame `low`.
     """
@@ -210,8 +193,8 @@ def _piece(
         return [reasons.too_short(start, stop, fps, settings.min_seconds)], None
     slip = stance_slip((feet[0].cut(part), feet[1].cut(part)), labelled.contacts[part])
     speed_m_s = _ground_speed(labelled.pos("pelvis")[part], fps)
-    gathered = reasons.of_slip(slip, speed_m_s, start, stop, fps, settings.contact)
-    gathered += reasons.of_flight(labelled.contacts[part], start, stop, fps, settings.contact)
+    gathered = reasons.of_slip(slip, speed_m_s, (start, stop), fps, settings.contact)
+    gathered += reasons.of_flight(labelled.contacts[part], (start, stop), fps, settings.contact)
     return gathered, None if gathered else (labelled.cut(part.start, part.stop, labelled.name), slip)
 
 

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
 
 from pipeline import time_series
 from pipeline.clips.outcome import Reason
+from pipeline.repair.contacts import Contacts
 from pipeline.repair.defect import Defect, Findings
 from pipeline.repair.floor import Floor
-from pipeline.repair.planting import Planted
 from pipeline.repair.settings import ContactSettings, FloorSettings, RepairSettings
-from pipeline.repair.skating import Skating
-from pipeline.repair.tree import Positions
+from pipeline.repair.skating import Planted, Skating
+from pipeline.repair.tree import FrameMask, Positions
 
 COMEBACK_SPEED = 2.0
 """A gap of the whole body is filled if the way across took at most this many times the clip's usual top speed."""
@@ -28,9 +30,9 @@ SLACK = 0.05
 class Division:
     """A clip after its defects."""
 
-    dropped: Bool[np.ndarray, " t"]
+    dropped: FrameMask
     """Frames that are not filled."""
-    filled: Bool[np.ndarray, " t"]
+    filled: FrameMask
     """Frames in which something was filled."""
     stretches: tuple[tuple[int, int], ...]
     """Frame ranges without a dropped frame and without a cut inside."""
@@ -85,45 +87,33 @@ def of_defects(
 
 def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
     """Whether the ground under the clip is at z = 0, and stays there."""
-    gathered = []
+    gathered: list[Reason] = []
+    numbers: dict[str, Any] = {"effect": "repaired", "unit": "m"}
     if abs(floor.height) > settings.offset_limit:
-        text = f"the ground is at z = {floor.height:+.3f} m; the clip is moved onto z = 0"
-        gathered.append(("floor_offset", text, floor.height, settings.offset_limit))
+        text, limit = f"the ground is at z = {floor.height:+.3f} m; the clip is moved onto z = 0", settings.offset_limit
+        gathered.append(Reason(code="floor_offset", text=text, value=floor.height, limit=limit, **numbers))
     if floor.slope_m_s != 0.0:
         text = f"the ground is {floor.drift:+.3f} m higher at the clip's end than at its beginning; that is taken out"
-        gathered.append(("floor_drift", text, floor.drift, settings.drift_limit))
-    return [
-        Reason(code=code, text=text, effect="repaired", value=value, limit=limit, unit="m")
-        for code, text, value, limit in gathered
-    ]
+        gathered.append(Reason(code="floor_drift", text=text, value=floor.drift, limit=settings.drift_limit, **numbers))
+    return gathered
 
 
 def of_slip(
-    slip: float, speed_m_s: float, first: int, last: int, fps: float, settings: ContactSettings
+    slip: float, speed_m_s: float, frames: tuple[int, int], fps: float, settings: ContactSettings
 ) -> list[Reason]:
     """Whether the standing feet of a piece [first, last), whose pelvis has a mean speed, slide on average."""
     limit = settings.slip_limit_m_s + settings.slip_per_speed * speed_m_s
     if slip <= limit:
         return []
     text = f"standing feet slide at {slip:.3f} m/s on average, allowed are {limit:.3f} m/s"
-    return [_refused("foot_skate", text, (first, last), fps, slip, limit, "m/s")]
+    return [_refused("foot_skate", text, frames, fps, slip, limit, "m/s")]
 
 
-def of_skating(skating: list[Skating], fps: float, settings: ContactSettings) -> list[Reason]:
-    """Stretches in which the foot that carries the body slides."""
-    limit = settings.skate_limit_m_s
-    return [
-        _refused(
-            "foot_skate",
-            f"standing feet slide at {one.speed_m_s:.3f} m/s, allowed are {limit:g} m/s; these frames are cut",
-            (one.start, one.stop),
-            fps,
-            one.speed_m_s,
-            limit,
-            "m/s",
-        )
-        for one in skating
-    ]
+def of_skating(one: Skating, fps: float, settings: ContactSettings) -> Reason:
+    """A stretch in which the foot that carries the body slides."""
+    speed_m_s, limit = one.speed_m_s, settings.skate_limit_m_s
+    text = f"standing feet slide at {speed_m_s:.3f} m/s, allowed are {limit:g} m/s; these frames are cut"
+    return _refused("foot_skate", text, (one.start, one.stop), fps, speed_m_s, limit, "m/s")
 
 
 def of_planting(found: Planted, first: int, last: int, fps: float, settings: ContactSettings) -> Reason:
@@ -132,28 +122,18 @@ def of_planting(found: Planted, first: int, last: int, fps: float, settings: Con
         f"frames {first}-{last - 1}: standing feet slide; the body is moved so that they stand, at "
         f"{found.mean_m_s:.3f} m/s on average, {found.way_m:.2f} m in all"
     )
-    return Reason(
-        code="foot_skate",
-        text=text,
-        effect="repaired",
-        start_s=first / fps,
-        stop_s=last / fps,
-        value=found.mean_m_s,
-        limit=settings.plant_m_s,
-        unit="m/s",
-    )
+    numbers = {"value": found.mean_m_s, "limit": settings.plant_m_s, "unit": "m/s"}
+    return Reason.of_frames("foot_skate", text, "repaired", (first, last), fps, **numbers)
 
 
-def of_flight(
-    contacts: Bool[np.ndarray, "t 2"], first: int, last: int, fps: float, settings: ContactSettings
-) -> list[Reason]:
+def of_flight(contacts: Contacts, frames: tuple[int, int], fps: float, settings: ContactSettings) -> list[Reason]:
     """Whether the feet of a piece [first, last) never stand for longer than people fly."""
     flights = time_series.runs(np.all(~contacts, axis=1))
     longest = max((stop - start for start, stop in flights), default=0) / fps
     if longest <= settings.longest_flight_s:
         return []
     text = f"no foot is on the ground for {longest:.2f} s, allowed are {settings.longest_flight_s:g} s"
-    return [_refused("no_contact", text, (first, last), fps, longest, settings.longest_flight_s, "s")]
+    return [_refused("no_contact", text, frames, fps, longest, settings.longest_flight_s, "s")]
 
 
 def too_short(first: int, last: int, fps: float, min_seconds: float) -> Reason:
@@ -166,29 +146,21 @@ def too_short(first: int, last: int, fps: float, min_seconds: float) -> Reason:
 def _refused(
     code: str, text: str, frames: tuple[int, int], fps: float, value: float, limit: float, unit: str
 ) -> Reason:
-    """A stretch of frames [first, last) that does not go on."""
-    return Reason(
-        code=code,
-        text=f"frames {frames[0]}-{frames[1] - 1}: {text}",
-        effect="rejected",
-        start_s=frames[0] / fps,
-        stop_s=frames[1] / fps,
-        value=value,
-        limit=limit,
-        unit=unit,
-    )
+    """A stretch of frames [first, last) that is not kept."""
+    text = f"frames {frames[0]}-{frames[1] - 1}: {text}"
+    return Reason.of_frames(code, text, "rejected", frames, fps, value=value, limit=limit, unit=unit)
 
 
 def _merged(defects: list[Defect]) -> Iterable[Defect]:
     """Defects of one kind at the same frames as one."""
-    groups: dict[tuple[str, int, int], list[Defect]] = {}
+    groups: dict[tuple[str, int, int], list[Defect]] = defaultdict(list)
     for one in defects:
-        groups.setdefault((one.code, one.start, one.stop), []).append(one)
+        groups[one.code, one.start, one.stop].append(one)
     for group in sorted(groups.values(), key=lambda group: (group[0].start, group[0].stop)):
         worst = max(group, key=lambda one: one.value or 0.0)
         more = len({body for one in group for body in one.bodies} - set(worst.bodies))
         text = worst.text + (f" (and {more} more joints)" if more else "")
-        yield Defect(**{**vars(worst), "text": text})
+        yield dataclasses.replace(worst, text=text)
 
 
 def _reason(one: Defect, division: Division, fps: float, settings: RepairSettings) -> Reason:
@@ -212,11 +184,5 @@ def _summary(alike: list[Defect], division: Division, fps: float) -> Reason:
         f"{len(alike)} times between frames {frames[0]} and {frames[-1]}, first: {first.text}; "
         f"{len(frames) - cut} frames filled, {cut} cut"
     )
-    return Reason(
-        code=first.code,
-        text=text,
-        effect="rejected" if cut == len(frames) else "repaired",
-        start_s=first.start / fps,
-        stop_s=last.stop / fps,
-        value=float(len(alike)),
-    )
+    effect = "rejected" if cut == len(frames) else "repaired"
+    return Reason.of_frames(first.code, text, effect, (first.start, last.stop), fps, value=float(len(alike)))

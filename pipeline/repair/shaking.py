@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
-from pipeline.repair.defect import Defect
-from pipeline.repair.fill import spans
+from pipeline.repair.defect import Defect, spans
 from pipeline.repair.settings import DetectionSettings
+from pipeline.repair.tree import FrameMask
 from pipeline.repair.unsteadiness import REACH, Seen, slow_rate, turn_limits
 
 NOISE_SPREAD, OFTEN_PERCENTILE = 3.0, 75.0
@@ -39,7 +39,7 @@ def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defe
     if len(seen.pos_w) < width:
         return []
     turn, place = seen.misses
-    least = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump)
+    least = turn_limits(settings)
     turn_limit = least * (settings.noise_turn / settings.angle_jump) * slow_rate(fps)
     place_limit = np.full(place.shape[1], settings.noise_place)
     place_limit[0] = settings.root_jump / 2.0
@@ -62,7 +62,7 @@ def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defe
     return spans("noise", "{names} shaking from frame to frame", shaking, pos=shaking, rot=shaking)
 
 
-def _stretches(rough: Bool[np.ndarray, " t"], width: int, settings: DetectionSettings) -> list[tuple[int, int]]:
+def _stretches(rough: FrameMask, width: int, settings: DetectionSettings) -> list[tuple[int, int]]:
     """From the first to the last rough frame of windows most of whose frames are rough."""
     if rough.sum() < settings.noise_share * width:
         return []

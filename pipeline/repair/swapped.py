@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool
 
-from pipeline.clips.human_clip import BODIES, HumanClip
-from pipeline.repair.defect import Defect
-from pipeline.repair.fill import spans
+from pipeline.clips.human_clip import BODIES, PARENT, HumanClip
+from pipeline.repair.defect import Defect, spans
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import CHILDREN, LIMB_ENDS, PARENT, Orientations, Positions, bone_lengths
+from pipeline.repair.tree import CHILDREN, LIMB_ENDS, BodyMask, FrameMask, Orientations, Positions, bone_lengths
 
 SMALLEST_CHANGE = 0.01
 """A change of length that is always allowed [m]: 5 % of a foot is less than marker noise."""
 
 
-def find_broken_bones(pos_w: Positions, lost: Bool[np.ndarray, "t 19"], settings: DetectionSettings) -> list[Defect]:
+def find_broken_bones(pos_w: Positions, lost: BodyMask, settings: DetectionSettings) -> list[Defect]:
     """Frames in which a bone's length is off the clip's median (`bone_length`), with the joint that is to blame.
 
     The median is that of frames of which nothing is `lost`.
@@ -110,7 +109,7 @@ def _exchanged(left_w: np.ndarray, right_w: np.ndarray, fps: float) -> list[tupl
     return ranges
 
 
-def _toggles(left_w: np.ndarray, right_w: np.ndarray) -> Bool[np.ndarray, " t"]:
+def _toggles(left_w: np.ndarray, right_w: np.ndarray) -> FrameMask:
     """Frames into which both sides come from each other's place, judged by their last two frames before it."""
     result = np.zeros(len(left_w), dtype=bool)
     if len(left_w) < 3:

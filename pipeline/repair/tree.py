@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES, PARENTS, body
-
-PARENT: tuple[int, ...] = tuple(body(PARENTS[name]) if name in PARENTS else -1 for name in BODIES)
-"""Index of each body's parent, -1 for the pelvis; a parent comes before its children."""
+from pipeline.clips.human_clip import BODIES, PARENT, body
 
 CHILDREN: tuple[tuple[int, ...], ...] = tuple(
     tuple(child for child, parent in enumerate(PARENT) if parent == index) for index in range(len(BODIES))
@@ -50,6 +47,11 @@ LEVER: Float[np.ndarray, " 19"] = np.array([LEVERS.get(name.split("_")[-1], 0.0)
 
 Positions = Float[np.ndarray, "t 19 3"]
 Orientations = Float[np.ndarray, "t 19 4"]
+BodyMask = Bool[np.ndarray, "t 19"]
+"""Bodies that are marked in each frame."""
+FrameMask = Bool[np.ndarray, " t"]
+PerBody = Float[np.ndarray, "t 19"]
+"""A number for each frame and body."""
 
 
 def descendants(index: int) -> tuple[int, ...]:

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import KNEES, LEVER, TOES, Orientations, Positions, to_local
+from pipeline.repair.tree import KNEES, LEVER, TOES, BodyMask, FrameMask, Orientations, PerBody, Positions, to_local
 
 REACH = 2
 """A bad frame disturbs the bridges of this many frames on either side."""
@@ -65,13 +65,13 @@ def slow_rate(fps: float) -> float:
     return max(1.0, REFERENCE_HZ / fps)
 
 
-def turn_limits(moved: float, least: float, most: float) -> Float[np.ndarray, " 19"]:
-    """Turn of each body [rad] that moves a joint below it by `moved` [m], within `least` and `most`."""
-    return np.clip(moved / np.maximum(LEVER, 1e-3), least, most)
+def turn_limits(settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
+    """Smallest turn of each body [rad] that counts as a jump: smaller where it moves other joints far."""
+    return np.clip(settings.lever_jump / np.maximum(LEVER, 1e-3), settings.least_angle, settings.angle_jump)
 
 
 def limits(
-    size: Float[np.ndarray, "t n"], least: Float[np.ndarray, " n"], spread: float, usual: Bool[np.ndarray, " t"]
+    size: Float[np.ndarray, "t n"], least: Float[np.ndarray, " n"], spread: float, usual: FrameMask
 ) -> Float[np.ndarray, " n"]:
     """Limit of each body: `least`, and `spread` times what 95 % of the `usual` frames stay below where some pass it."""
     result = least.copy()
@@ -86,13 +86,13 @@ def limits(
 class Unsteadiness:
     """How far each body's step into each frame differs from its neighbours; (t, 19), 0 for frame 0."""
 
-    place: Float[np.ndarray, "t 19"]
+    place: PerBody
     """Of the place in the parent's frame (pelvis: in the world) [m]."""
-    turn: Float[np.ndarray, "t 19"]
+    turn: PerBody
     """Of the orientation in the parent's frame (pelvis: in the world) [rad]."""
-    world: Float[np.ndarray, "t 19"]
+    world: PerBody
     """Of the position in the world [m]."""
-    world_turn: Float[np.ndarray, "t 19"]
+    world_turn: PerBody
     """Of the orientation in the world [rad]."""
 
 
@@ -119,11 +119,11 @@ class Seen:
         return rotation.make_continuous(self.quat_w)
 
     @cached_property
-    def misses(self) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
+    def misses(self) -> tuple[PerBody, PerBody]:
         """`misses_over` a single frame."""
         return self.misses_over(1)
 
-    def misses_over(self, gap: int) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
+    def misses_over(self, gap: int) -> tuple[PerBody, PerBody]:
         """Miss of each body's turn [rad] and place [m] in its parent's frame over gaps centred at each frame."""
         turn = 2.0 * size_of(interpolation_miss(self.continuous_local, gap))
         return turn, size_of(interpolation_miss(self.local[0], gap))
@@ -153,7 +153,7 @@ def _turns(quat: Orientations) -> Float[np.ndarray, "s 19 3"]:
     return rotation.to_rotvec(rotation.multiply(rotation.conjugate(quat[:-1]), quat[1:]))
 
 
-def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> Float[np.ndarray, "t 19"]:
+def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> PerBody:
     """Size of what sets each step apart from the steps around it; one more row than `steps`."""
     count = len(steps)
     padded = np.pad(np.moveaxis(steps, -1, 0), ((0, 0), (2, 2), (0, 0)), mode="reflect")
@@ -190,42 +190,28 @@ CLEAR = 3
 """A spike keeps this many frames away from a gap: bridges are a little off where they begin."""
 
 
-def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_spikes(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Bodies that are elsewhere for a few frames (`spike`); nothing beside samples that are `lost` already."""
     longest = int(np.clip(int(LONGEST_SPIKE_S * fps), 1, MOST_FRAMES))
-    found: list[tuple[float, int, int, int, float, float, bool]] = []
+    found: list[tuple[float, Defect]] = []
     for gap in range(1, longest + 1):
         if len(seen.pos_w) < gap + 2 * REACH + 2:
             break
         found += _candidates(seen, lost, gap, fps, settings)
     defects, taken = [], np.zeros(lost.shape, dtype=bool)
-    for _, index, start, stop, angle, limit, moved in sorted(found, reverse=True):
-        if taken[start:stop, index].any():
-            continue
-        taken[max(start - REACH, 0) : stop + REACH, index] = True
-        defects.append(
-            Defect(
-                code="spike",
-                text=f"{names([index])} is {np.rad2deg(angle):.0f} deg off what the frames around say",
-                start=start,
-                stop=stop,
-                bodies=(index,),
-                pos=moved,
-                value=angle,
-                limit=limit if angle > limit else None,
-                unit="rad",
-            )
-        )
+    for _, one in sorted(found, key=lambda each: (each[0], each[1].bodies, each[1].start), reverse=True):
+        if not taken[one.start : one.stop, one.bodies[0]].any():
+            taken[max(one.start - REACH, 0) : one.stop + REACH, one.bodies[0]] = True
+            defects.append(one)
     return defects
 
 
 def _candidates(
-    seen: Seen, lost: Bool[np.ndarray, "t 19"], gap: int, fps: float, settings: DetectionSettings
-) -> list[tuple[float, int, int, int, float, float, bool]]:
-    """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle and its limit [rad],
-    whether it moved."""
+    seen: Seen, lost: BodyMask, gap: int, fps: float, settings: DetectionSettings
+) -> list[tuple[float, Defect]]:
+    """Windows of `gap` frames that are off, each with by how many times its limit."""
     turn, place = seen.misses if gap == 1 else seen.misses_over(gap)
-    least = _turn_limits(settings.spike_turn, settings)
+    least = turn_limits(settings) * (settings.spike_turn / settings.angle_jump)
     usual = np.asarray(~lost.any(axis=1))
     turn_limit = limits(turn, least, settings.spike_spread, usual)
     place_limit = limits(place, np.full(place.shape[1], settings.position_jump), settings.spike_spread, usual)
@@ -247,12 +233,17 @@ def _candidates(
         stop = start + gap
         if lost[max(start - CLEAR, 0) : stop + CLEAR, index].any():
             continue
-        moved = bool(place[frame, index] > place_limit[index])
-        off = float(turn[frame, index]), float(turn_limit[index])
-        result.append((float(size[frame, index]), int(index), start, stop, *off, moved))
+        angle, limit = float(turn[frame, index]), float(turn_limit[index])
+        defect = Defect(
+            code="spike",
+            text=f"{names([int(index)])} is {np.rad2deg(angle):.0f} deg off what the frames around say",
+            start=start,
+            stop=stop,
+            bodies=(int(index),),
+            pos=bool(place[frame, index] > place_limit[index]),
+            value=angle,
+            limit=limit if angle > limit else None,
+            unit="rad",
+        )
+        result.append((float(size[frame, index]), defect))
     return result
-
-
-def _turn_limits(most: float, settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
-    """Limits of a turn [rad] that are `most` where jumps have theirs, and smaller in proportion elsewhere."""
-    return turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * (most / settings.angle_jump)

@@ -22,12 +22,10 @@ from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow, table_te
 
 @dataclass(frozen=True, kw_only=True)
 class MotorLimits:
-    """Limits and armature of a joint's motor."""
+    """Limits [N m, rad/s] and armature [kg m^2] of a joint's motor."""
 
     torque: float
-    """[N m]"""
     speed: float
-    """[rad/s]"""
     armature: float
     """[kg m^2]"""
 
@@ -40,16 +38,15 @@ def adapted_description(source: Description, limits: Mapping[str, MotorLimits]) 
     for name in limits:
         if name not in source.joint_rows:
             raise UnknownNameError("joint", name, list(source.joint_rows))
-    rows = tuple(_with_limits(row, limits[row.joint]) if row.joint in limits else row for row in source.joints)
-    adapted = dataclasses.replace(source, joints=rows, contents={**source.contents, JOINTS: table_text(JointRow, rows)})
+    rows = list(source.joints)
+    for place, row in enumerate(rows):
+        if new := limits.get(row.joint):
+            speeds = {"motor_speed": new.speed, "urdf_speed": new.speed}
+            rows[place] = dataclasses.replace(row, torque=new.torque, armature=new.armature, **speeds)
+    contents = {**source.contents, JOINTS: table_text(JointRow, rows)}
+    adapted = dataclasses.replace(source, joints=tuple(rows), contents=contents)
     refuse(faults_of(adapted))
     return adapted
-
-
-def _with_limits(row: JointRow, limits: MotorLimits) -> JointRow:
-    return dataclasses.replace(
-        row, torque=limits.torque, motor_speed=limits.speed, urdf_speed=limits.speed, armature=limits.armature
-    )
 
 
 def files_of(description: Description) -> dict[str, str]:

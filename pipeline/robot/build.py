@@ -14,6 +14,13 @@ from pipeline.robot.robot import Robot, Tree, forward
 from pipeline.robot.robot_error import Fault, refuse
 from pipeline.robot.tables import LinkRow
 
+COLUMNS = {
+    **{"joint_lower": "lower", "joint_upper": "upper", "default_joint_pos": "default_pos"},
+    **{"torque_limit": "torque", "motor_speed_limit": "motor_speed", "retarget_speed_limit": "speed"},
+    **{"armature": "armature", "kp": "kp", "kd": "kd"},
+}
+"""Fields of a robot, each a number for every joint -> column or property of the joints table."""
+
 
 def build_robot(source: Description) -> Robot:
     """The robot of a checked description. Raises RobotError if left and right are not mirror images."""
@@ -28,18 +35,10 @@ def build_robot(source: Description) -> Robot:
         mjcf=mjcf,
         urdf=urdf,
         tree=tree,
-        total_mass=float(_column(source, "mass", of_links=True).sum()),
+        total_mass=float(np.array([row.mass for row in source.links]).sum()),
         joint_names=joint_names,
         controlled=tuple(row.joint for row in source.joints if row.controlled),
-        joint_lower=_column(source, "lower"),
-        joint_upper=_column(source, "upper"),
-        retarget_speed_limit=_column(source, "speed"),
-        motor_speed_limit=_column(source, "motor_speed"),
-        torque_limit=_column(source, "torque"),
-        armature=_column(source, "armature"),
-        kp=_column(source, "kp"),
-        kd=_column(source, "kd"),
-        default_joint_pos=_column(source, "default_pos"),
+        **{name: _column(source, column) for name, column in COLUMNS.items()},
         default_root_height=height,
         mirror_index=partner,
         mirror_sign=_signs(source, tree, partner),
@@ -98,5 +97,5 @@ def _origin_quat(row: LinkRow) -> np.ndarray:
     return np.roll(quat_xyzw, 1)
 
 
-def _column(source: Description, name: str, of_links: bool = False) -> np.ndarray:
-    return np.array([getattr(row, name) for row in (source.links if of_links else source.joints)])
+def _column(source: Description, name: str) -> np.ndarray:
+    return np.array([getattr(row, name) for row in source.joints])

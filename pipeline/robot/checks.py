@@ -85,8 +85,7 @@ def depth_first(robot: Description) -> list[LinkRow]:
 
 def _inertia(robot: Description) -> Iterator[Fault]:
     for row in robot.links:
-        xx, xy, xz, yy, yz, zz = row.numbers("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        moments = np.linalg.eigvalsh(row.inertia)
         if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] - INERTIA_TOLERANCE * moments.sum():
             listed = ", ".join(f"{moment:.4g}" for moment in moments)
             problem = f"link '{row.link}': principal moments of inertia {listed} kg m^2 are those of no body."

@@ -9,16 +9,14 @@ program. It is no part of the robot's digest, since it changes nothing that is c
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from pipeline.errors import FileError
-from pipeline.files.csv_json import csv_records, read_csv_text
+from pipeline.files.csv_json import read_csv_text
 from pipeline.robot.robot_error import Fault, refuse
-from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow
+from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow, read_records
 
 CONFIG = "robot.toml"
 LINKS, JOINTS, SHAPES, SITES = "links.csv", "joints.csv", "shapes.csv", "sites.csv"
@@ -104,27 +102,19 @@ def read_aliases(folder: Path, joints: Sequence[str]) -> tuple[dict[str, tuple[s
     path = folder / ALIASES
     if not path.is_file():
         return {}, ""
-    try:
-        text = read_csv_text(path)
-        records = list(csv_records(io.StringIO(text, newline=""), path))
-    except FileError as error:
-        refuse([Fault(path=path, line=error.line, problem=error.problem, do=error.do)])
-        raise
-    header, rows = (records[0], records[1:]) if records else ([], [])
+    header, *rows = read_records(path) or [[]]
     if len(header) < 2 or header[0] != "joint" or len(set(header)) < len(header) or not all(header):
         problem = f"the columns are {', '.join(header) or 'missing'}."
         refuse([Fault(path=path, line=1, problem=problem, do="They must be joint and the name of each naming.")])
-    refuse([_width(path, line, header, row) for line, row in enumerate(rows, start=2) if len(row) != len(header)])
+    lengths = {line: len(row) for line, row in enumerate(rows, start=2) if len(row) != len(header)}
+    do = f"Write {len(header)}."
+    refuse([Fault(path=path, line=line, problem=f"the row has {n} values.", do=do) for line, n in lengths.items()])
     if [row[0] for row in rows] != list(joints):
         problem = "the joints are not those of joints.csv in their order."
         refuse([Fault(path=path, problem=problem, do=f"Write a row for each of: {', '.join(joints)}.")])
     namings = {name: tuple(row[place] for row in rows) for place, name in enumerate(header) if place}
     refuse(_unclear(path, joints, namings))
-    return namings, text
-
-
-def _width(path: Path, line: int, header: list[str], row: list[str]) -> Fault:
-    return Fault(path=path, line=line, problem=f"the row has {len(row)} values.", do=f"Write {len(header)}.")
+    return namings, read_csv_text(path)
 
 
 def _unclear(path: Path, joints: Sequence[str], namings: dict[str, tuple[str, ...]]) -> list[Fault]:

@@ -91,3 +91,13 @@ class Kinematics:
         index = [self._site[name] for name in site_names]
         link = self._tree.site_link[index]
         return poses.pos_w[:, link] + rotation.rotate(poses.quat_w[:, link], self._tree.site_pos[index])
+
+    def sites_of_pose(
+        self,
+        site_names: Sequence[str],
+        joint_pos: Float[np.ndarray, " j"],
+        root_quat: Float[np.ndarray, " 4"] = rotation.IDENTITY,
+    ) -> Float[np.ndarray, "n 3"]:
+        """Positions [m] of the named sites in one pose with the root at the origin. Raises UnknownNameError."""
+        poses = self.forward(np.zeros((1, 3)), root_quat[None], joint_pos[None])
+        return self.site_pos_w(poses, site_names)[0]

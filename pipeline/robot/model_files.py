@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from xml.etree import ElementTree as Xml
 
 from pipeline.robot.description import Description
-from pipeline.robot.tables import LinkRow, ShapeRow, SiteRow
+from pipeline.robot.tables import LinkRow, ShapeRow
 
 
 def numbers(values: Iterable[float]) -> str:
@@ -23,6 +23,16 @@ def to_text(root: Xml.Element) -> str:
     return Xml.tostring(root, encoding="unicode") + "\n"
 
 
+def _add(parent: Xml.Element, tag: str, **attributes: str | float | Iterable[float]) -> Xml.Element:
+    """A new element below `parent`; attributes are texts, numbers or several numbers."""
+    element = Xml.SubElement(parent, tag)
+    for name, value in attributes.items():
+        if not isinstance(value, str):
+            value = numbers([value] if isinstance(value, (int, float)) else value)
+        element.set(name, value)
+    return element
+
+
 COMMENT = "Rendered from the tables beside it by `python -m pipeline.robot.render`. Do not edit."
 
 
@@ -30,73 +40,59 @@ def render_mjcf(robot: Description, root_height: float) -> str:
     """MJCF with the root link `root_height` [m] above the origin, so that the default pose stands on z = 0."""
     model = Xml.Element("mujoco", model=robot.name)
     model.append(Xml.Comment(f" {COMMENT} "))
-    Xml.SubElement(model, "compiler", angle="radian", eulerseq="XYZ", autolimits="true")
-    defaults = Xml.SubElement(Xml.SubElement(model, "default"), "default")
-    defaults.set("class", "visual")
-    Xml.SubElement(defaults, "geom", contype="0", conaffinity="0", group="2", density="0")
-    world = Xml.SubElement(model, "worldbody")
-    _body(world, robot, robot.links[0], root_height)
+    _add(model, "compiler", angle="radian", eulerseq="XYZ", autolimits="true")
+    visual = _add(_add(model, "default"), "default", **{"class": "visual"})
+    _add(visual, "geom", contype="0", conaffinity="0", group="2", density="0")
+    _body(_add(model, "worldbody"), robot, robot.links[0], root_height)
     if robot.config.contact_excludes:
-        contact = Xml.SubElement(model, "contact")
+        contact = _add(model, "contact")
         for first, second in robot.config.contact_excludes:
-            Xml.SubElement(contact, "exclude", name=f"{first}-{second}", body1=first, body2=second)
+            _add(contact, "exclude", name=f"{first}-{second}", body1=first, body2=second)
     return to_text(model)
 
 
 def _body(parent: Xml.Element, robot: Description, row: LinkRow, root_height: float) -> None:
     pos = row.numbers("x", "y", "z") if row.parent else (0.0, 0.0, root_height)
-    body = Xml.SubElement(parent, "body", name=row.link, pos=numbers(pos))
-    angles = row.numbers("roll", "pitch", "yaw")
-    if any(angles):
-        body.set("euler", numbers(angles))
+    body = _add(parent, "body", name=row.link, pos=pos, **_euler(row.numbers("roll", "pitch", "yaw")))
     inertia = row.numbers("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    com = numbers(row.numbers("com_x", "com_y", "com_z"))
-    Xml.SubElement(body, "inertial", pos=com, mass=numbers([row.mass]), fullinertia=numbers(inertia))
+    _add(body, "inertial", pos=row.numbers("com_x", "com_y", "com_z"), mass=row.mass, fullinertia=inertia)
     if row.parent:
-        _joint(body, robot, row)
+        joint, axis = robot.joint_rows[row.joint], row.numbers("axis_x", "axis_y", "axis_z")
+        limits = (joint.lower, joint.upper)
+        _add(body, "joint", name=row.joint, type="hinge", axis=axis, range=limits, armature=joint.armature)
     else:
-        Xml.SubElement(body, "freejoint", name="root")
+        _add(body, "freejoint", name="root")
     for shape in robot.shapes:
         if shape.link == row.link:
             _geom(body, robot, shape)
     for site in robot.sites:
         if site.link == row.link:
-            _site(body, site)
+            _add(body, "site", name=site.site, pos=site.numbers("x", "y", "z"), size="0.005", group="4")
     for child in robot.children(row.link):
         _body(body, robot, child, root_height)
 
 
-def _joint(body: Xml.Element, robot: Description, row: LinkRow) -> None:
-    joint = robot.joint_rows[row.joint]
-    Xml.SubElement(
+def _geom(body: Xml.Element, robot: Description, shape: ShapeRow) -> None:
+    if shape.role == "visual":
+        kind, suffix = {"class": "visual"}, "visual"
+    else:
+        kind, suffix = {"group": "2" if shape.role == "both" else "3"}, "collision"
+    _add(
         body,
-        "joint",
-        name=row.joint,
-        type="hinge",
-        axis=numbers(row.numbers("axis_x", "axis_y", "axis_z")),
-        range=numbers([joint.lower, joint.upper]),
-        armature=numbers([joint.armature]),
+        "geom",
+        name=f"{shape.shape}_{suffix}",
+        **kind,
+        type=shape.kind,
+        size=shape.size,
+        pos=shape.numbers("x", "y", "z"),
+        **_euler(shape.numbers("roll", "pitch", "yaw")),
+        rgba=(*robot.config.colours[shape.colour], 1.0),
     )
 
 
-def _geom(body: Xml.Element, robot: Description, shape: ShapeRow) -> None:
-    visual = shape.role == "visual"
-    geom = Xml.SubElement(body, "geom", name=f"{shape.shape}_{'visual' if visual else 'collision'}")
-    if visual:
-        geom.set("class", "visual")
-    else:
-        geom.set("group", "2" if shape.role == "both" else "3")
-    geom.set("type", shape.kind)
-    geom.set("size", numbers(shape.size))
-    geom.set("pos", numbers(shape.numbers("x", "y", "z")))
-    angles = shape.numbers("roll", "pitch", "yaw")
-    if any(angles):
-        geom.set("euler", numbers(angles))
-    geom.set("rgba", numbers([*robot.config.colours[shape.colour], 1.0]))
-
-
-def _site(body: Xml.Element, site: SiteRow) -> None:
-    Xml.SubElement(body, "site", name=site.site, pos=numbers(site.numbers("x", "y", "z")), size="0.005", group="4")
+def _euler(angles: tuple[float, ...]) -> dict[str, tuple[float, ...]]:
+    """The attribute of a turned frame; none for one that is not."""
+    return {"euler": angles} if any(angles) else {}
 
 
 def render_urdf(robot: Description) -> str:
@@ -107,65 +103,59 @@ def render_urdf(robot: Description) -> str:
     model = Xml.Element("robot", name=robot.name)
     model.append(Xml.Comment(f" {COMMENT} "))
     for name, colour in robot.config.colours.items():
-        Xml.SubElement(Xml.SubElement(model, "material", name=name), "color", rgba=numbers([*colour, 1.0]))
+        _add(_add(model, "material", name=name), "color", rgba=(*colour, 1.0))
     for row in robot.links:
         _link(model, robot, row)
     for row in robot.links[1:]:
-        _urdf_joint(model, robot, row)
+        limits, place = robot.joint_rows[row.joint], (row.numbers("x", "y", "z"), row.numbers("roll", "pitch", "yaw"))
+        joint = _urdf_joint(model, row.joint, "revolute", place, row.parent, row.link)
+        _add(joint, "axis", xyz=row.numbers("axis_x", "axis_y", "axis_z"))
+        _add(joint, "limit", lower=limits.lower, upper=limits.upper, effort=limits.torque, velocity=limits.speed)
     for site in robot.sites:
-        Xml.SubElement(model, "link", name=site.site)
-        joint = Xml.SubElement(model, "joint", name=f"{site.site}_fixed", type="fixed")
-        Xml.SubElement(joint, "origin", xyz=numbers(site.numbers("x", "y", "z")), rpy="0 0 0")
-        Xml.SubElement(joint, "parent", link=site.link)
-        Xml.SubElement(joint, "child", link=site.site)
+        _add(model, "link", name=site.site)
+        place = (site.numbers("x", "y", "z"), (0.0, 0.0, 0.0))
+        _urdf_joint(model, f"{site.site}_fixed", "fixed", place, site.link, site.site)
     return to_text(model)
 
 
+Place = tuple[tuple[float, ...], tuple[float, ...]]
+"""Position [m] and rotation about the fixed x, y, z axes [rad]."""
+
+
+def _urdf_joint(model: Xml.Element, name: str, kind: str, place: Place, parent: str, child: str) -> Xml.Element:
+    joint = _add(model, "joint", name=name, type=kind)
+    _add(joint, "origin", xyz=place[0], rpy=place[1])
+    _add(joint, "parent", link=parent)
+    _add(joint, "child", link=child)
+    return joint
+
+
 def _link(model: Xml.Element, robot: Description, row: LinkRow) -> None:
-    link = Xml.SubElement(model, "link", name=row.link)
-    inertial = Xml.SubElement(link, "inertial")
-    Xml.SubElement(inertial, "origin", xyz=numbers(row.numbers("com_x", "com_y", "com_z")), rpy="0 0 0")
-    Xml.SubElement(inertial, "mass", value=numbers([row.mass]))
+    link = _add(model, "link", name=row.link)
+    inertial = _add(link, "inertial")
+    _add(inertial, "origin", xyz=row.numbers("com_x", "com_y", "com_z"), rpy="0 0 0")
+    _add(inertial, "mass", value=row.mass)
     terms = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    Xml.SubElement(inertial, "inertia", {term: numbers(row.numbers(term)) for term in terms})
-    shapes = [shape for shape in robot.shapes if shape.link == row.link]
+    _add(inertial, "inertia", **dict(zip(terms, row.numbers(*terms), strict=True)))
     for element, unused in (("visual", "collision"), ("collision", "visual")):
-        for shape in shapes:
-            if shape.role != unused:
+        for shape in robot.shapes:
+            if shape.link == row.link and shape.role != unused:
                 _shape(link, element, shape)
-
-
-def _urdf_joint(model: Xml.Element, robot: Description, row: LinkRow) -> None:
-    limits = robot.joint_rows[row.joint]
-    joint = Xml.SubElement(model, "joint", name=row.joint, type="revolute")
-    xyz, rpy = row.numbers("x", "y", "z"), row.numbers("roll", "pitch", "yaw")
-    Xml.SubElement(joint, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
-    Xml.SubElement(joint, "parent", link=row.parent)
-    Xml.SubElement(joint, "child", link=row.link)
-    Xml.SubElement(joint, "axis", xyz=numbers(row.numbers("axis_x", "axis_y", "axis_z")))
-    Xml.SubElement(
-        joint,
-        "limit",
-        lower=numbers([limits.lower]),
-        upper=numbers([limits.upper]),
-        effort=numbers([limits.torque]),
-        velocity=numbers([limits.speed]),
-    )
 
 
 def _shape(link: Xml.Element, element: str, shape: ShapeRow) -> None:
     for suffix, kind, size, xyz in _parts(shape):
-        part = Xml.SubElement(link, element, name=f"{shape.shape}{suffix}")
-        Xml.SubElement(part, "origin", xyz=numbers(xyz), rpy=numbers(shape.numbers("roll", "pitch", "yaw")))
-        geometry = Xml.SubElement(part, "geometry")
+        part = _add(link, element, name=f"{shape.shape}{suffix}")
+        _add(part, "origin", xyz=xyz, rpy=shape.numbers("roll", "pitch", "yaw"))
+        geometry = _add(part, "geometry")
         if kind == "box":
-            Xml.SubElement(geometry, "box", size=numbers([2.0 * half for half in size]))
+            _add(geometry, "box", size=[2.0 * half for half in size])
         elif kind == "sphere":
-            Xml.SubElement(geometry, "sphere", radius=numbers(size[:1]))
+            _add(geometry, "sphere", radius=size[0])
         else:
-            Xml.SubElement(geometry, "cylinder", radius=numbers(size[:1]), length=numbers([2.0 * size[1]]))
+            _add(geometry, "cylinder", radius=size[0], length=2.0 * size[1])
         if element == "visual":
-            Xml.SubElement(part, "material", name=shape.colour)
+            _add(part, "material", name=shape.colour)
 
 
 def _parts(shape: ShapeRow) -> list[tuple[str, str, tuple[float, ...], tuple[float, ...]]]:
@@ -173,11 +163,8 @@ def _parts(shape: ShapeRow) -> list[tuple[str, str, tuple[float, ...], tuple[flo
     centre = shape.numbers("x", "y", "z")
     if shape.kind != "capsule":
         return [("", shape.kind, shape.size, centre)]
-    ends = [
-        tuple(c + sign * shape.size_b * a for c, a in zip(centre, shape.long_axis, strict=True)) for sign in (1, -1)
-    ]
-    return [
-        ("", "cylinder", shape.size, centre),
-        ("_end_a", "sphere", shape.size[:1], ends[0]),
-        ("_end_b", "sphere", shape.size[:1], ends[1]),
-    ]
+    parts = [("", "cylinder", shape.size, centre)]
+    for suffix, sign in (("_end_a", 1), ("_end_b", -1)):
+        end = tuple(c + sign * shape.size_b * a for c, a in zip(centre, shape.long_axis, strict=True))
+        parts.append((suffix, "sphere", shape.size[:1], end))
+    return parts

@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
 from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
-from pipeline.robot.robot_error import Fault, refuse
+from pipeline.robot.robot_error import Fault, RobotError, refuse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +71,12 @@ class LinkRow(Row):
     izz: float
     """Inertia about the centre of mass, in the axes of the link frame."""
     positive: ClassVar[tuple[str, ...]] = ("mass", "ixx", "iyy", "izz")
+
+    @property
+    def inertia(self) -> Float[np.ndarray, "3 3"]:
+        """Inertia about the centre of mass, in the axes of the link frame [kg m^2]."""
+        xx, xy, xz, yy, yz, zz = self.numbers("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +163,14 @@ class SiteRow(Row):
     source: str
 
 
+def read_records(path: Path) -> list[list[str]]:
+    """The rows of a CSV file. Raises RobotError."""
+    try:
+        return list(csv_records(io.StringIO(read_csv_text(path), newline=""), path))
+    except FileError as error:
+        raise RobotError([Fault(path=path, line=error.line, problem=error.problem, do=error.do)]) from error
+
+
 R = TypeVar("R", bound=Row)
 
 
@@ -163,16 +179,12 @@ def read_table(path: Path, kind: type[R]) -> tuple[R, ...]:
     if not path.is_file():
         refuse([Fault(path=path, problem="the file is missing.", do="A robot folder needs it, see docs/robot.md.")])
     hints = {name: hint for name, hint in typing.get_type_hints(kind).items() if name not in ("line", "positive")}
-    try:
-        records = list(csv_records(io.StringIO(read_csv_text(path), newline=""), path))
-    except FileError as error:
-        refuse([Fault(path=path, line=error.line, problem=error.problem, do=error.do)])
-    header = records[0] if records else []
+    header, *records = read_records(path) or [[]]
     if header != list(hints):
         problem = f"the columns are {', '.join(header) or 'missing'}."
         refuse([Fault(path=path, line=1, problem=problem, do=f"They must be {', '.join(hints)}.")])
     rows, faults = [], []
-    for line, record in enumerate(records[1:], start=2):
+    for line, record in enumerate(records, start=2):
         if len(record) != len(hints):
             problem = f"the row has {len(record)} values."
             faults.append(Fault(path=path, line=line, problem=problem, do=f"Write {len(hints)}, one a column."))
@@ -212,12 +224,12 @@ def _parse(
     problems = []
     for column, text in record.items():
         if hints[column] is float:
-            value = _number(text)
-            if value is None:
+            try:
+                values[column] = plain_number(text)
+                if column in positive and values[column] <= 0.0:
+                    problems.append((f"{column} is {text}.", "Write a number above 0."))
+            except ValueError:
                 problems.append((f"{column} is '{text}'.", "Write a finite number."))
-            elif column in positive and value <= 0.0:
-                problems.append((f"{column} is {text}.", "Write a number above 0."))
-            values[column] = value
         elif hints[column] is bool:
             if text not in ("yes", "no"):
                 problems.append((f"{column} is '{text}'.", "Write yes or no."))
@@ -225,13 +237,6 @@ def _parse(
         else:
             values[column] = text
     return values, problems
-
-
-def _number(text: str) -> float | None:
-    try:
-        return plain_number(text)
-    except ValueError:
-        return None
 
 
 def _repeated(path: Path, rows: list[Any]) -> list[Fault]:

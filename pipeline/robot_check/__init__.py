@@ -1,7 +1,1 @@
 """What a robot folder lacks or contradicts, and how it differs from another model file of the robot."""
-
-from pipeline.robot_check.check import check_folder
-from pipeline.robot_check.compare import Difference, compare
-from pipeline.robot_check.finding import Finding
-
-__all__ = ["Difference", "Finding", "check_folder", "compare"]

@@ -48,19 +48,12 @@ def model_of(description: Description, rendered: bool = False) -> MakerModel:
     rows = description.joint_rows
     links = []
     for place, row in enumerate(description.links):
-        xx, xy, xz, yy, yz, zz = row.numbers("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         joint = None
         if row.joint:
             values = rows[row.joint]
-            joint = MakerJoint(
-                name=row.joint,
-                axis=tree.axis[place],
-                lower=values.lower,
-                upper=values.upper,
-                torque=values.torque,
-                speed=values.speed if rendered else values.urdf_speed,
-                armature=values.armature,
-            )
+            speed = values.speed if rendered else values.urdf_speed
+            stated = {name: getattr(values, name) for name in ("lower", "upper", "torque", "armature")}
+            joint = MakerJoint(name=row.joint, axis=tree.axis[place], speed=speed, **stated)
         links.append(
             MakerLink(
                 name=row.link,
@@ -70,7 +63,7 @@ def model_of(description: Description, rendered: bool = False) -> MakerModel:
                 quat=tree.quat[place],
                 mass=row.mass,
                 com=np.array(row.numbers("com_x", "com_y", "com_z")),
-                inertia=np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+                inertia=row.inertia,
             )
         )
     return MakerModel(path=description.folder, links=tuple(links), shapes=(), sites=(), notes=())
@@ -78,8 +71,7 @@ def model_of(description: Description, rendered: bool = False) -> MakerModel:
 
 def match(first: MakerModel, second: MakerModel) -> dict[int, int]:
     """Links of `first` to those of `second` that are at the same place below matched parents."""
-    origins = [each.origins() for each in (first, second)]
-    shift = np.zeros(3)
+    (places, turns), (other_places, other_turns) = first.origins(), second.origins()
     pairs = {0: 0}
     taken = {0}
     for index, link in enumerate(first.links[1:], start=1):
@@ -90,12 +82,10 @@ def match(first: MakerModel, second: MakerModel) -> dict[int, int]:
             joint = second.links[other].joint
             if other in taken or joint is None:
                 continue
-            axes = [
-                rotation.rotate(turns[place], each.axis)
-                for (_, turns), place, each in zip(origins, (index, other), (link.joint, joint), strict=True)
-            ]
-            away = float(np.linalg.norm(origins[0][0][index] - origins[1][0][other] - shift))
-            if away < PLACE and abs(float(axes[0] @ axes[1])) > AXIS:
+            axis = rotation.rotate(turns[index], link.joint.axis)
+            other_axis = rotation.rotate(other_turns[other], joint.axis)
+            away = float(np.linalg.norm(places[index] - other_places[other]))
+            if away < PLACE and abs(float(axis @ other_axis)) > AXIS:
                 candidates.append((joint.name != link.joint.name, away, other))
         if candidates:
             pairs[index] = min(candidates)[2]

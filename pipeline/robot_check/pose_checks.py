@@ -13,7 +13,7 @@ from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.errors import FileError
 from pipeline.physics import GRAVITY
 from pipeline.robot import Kinematics, Robot, mujoco_model
-from pipeline.robot_check.finding import Finding
+from pipeline.robot_check.body_checks import Finding
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 
 LEVEL = 0.003
@@ -46,15 +46,12 @@ def default_pose(robot: Robot) -> Iterator[Finding]:
             yield Finding(code="soles", text=f"{text}; at most {1000 * LEVEL:g} mm are expected.")
     yield from _foot_shapes(robot, model, data)
     yield from _contacts(robot, model, data)
-    support = places[:, :2]
-    hull = ConvexHull(support).equations
+    hull = ConvexHull(places[:, :2]).equations
     inside = -float((hull[:, :2] @ data.subtree_com[1][:2] + hull[:, 2]).max())
     if inside < BALANCE:
         x, y = data.subtree_com[1][:2]
-        text = (
-            f"the centre of mass is at x = {x:.3f}, y = {y:.3f} m in the default pose, {inside:.3f} m inside the soles"
-        )
-        yield Finding(code="balance", text=f"{text}; at least {BALANCE:g} m are expected.")
+        text = f"the centre of mass is at x = {x:.3f}, y = {y:.3f} m in the default pose, {inside:.3f} m inside the"
+        yield Finding(code="balance", text=f"{text} soles; at least {BALANCE:g} m are expected.")
 
 
 def _posed(robot: Robot) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -102,9 +99,8 @@ def _contacts(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Itera
             continue
         seen.add(bodies)
         names = [model.body(body).name for body in bodies]
-        what = (
-            f"link '{names[1]}' is in the ground" if bodies[0] == 0 else f"links '{names[0]}' and '{names[1]}' overlap"
-        )
+        overlap = f"links '{names[0]}' and '{names[1]}' overlap"
+        what = f"link '{names[1]}' is in the ground" if bodies[0] == 0 else overlap
         text = f"{what} by {-1000 * contact.dist:.1f} mm in the default pose"
         yield Finding(code="collision", text=f"{text} (shapes.csv, default_pos, contact_excludes).")
 
@@ -128,10 +124,8 @@ def drives(robot: Robot) -> Iterator[Finding]:
             yield Finding(code="torque", text=f"{text} (joints.csv).")
         elif needed[joint] > SAG * kp:
             text = f"joint '{name}' gives way by {needed[joint] / kp:.2f} rad in the default pose"
-            yield Finding(
-                code="gains",
-                text=f"{text} ({needed[joint]:.3g} N m): kp is {kp:g} N m/rad; at most {SAG:g} rad are expected.",
-            )
+            text += f" ({needed[joint]:.3g} N m): kp is {kp:g} N m/rad; at most {SAG:g} rad are expected."
+            yield Finding(code="gains", text=text)
 
 
 def _standing_torque(robot: Robot) -> np.ndarray:

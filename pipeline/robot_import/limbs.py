@@ -22,15 +22,8 @@ BEND = 3
 """Position of the knee and of the elbow in a limb: after three joints of hip or shoulder."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Limb:
-    """A limb: link indices from the body outwards. A hand with fingers is its last link."""
-
-    links: tuple[int, ...]
-
-    @property
-    def end(self) -> int:
-        return self.links[-1]
+Limb = tuple[int, ...]
+"""Link indices from the body outwards. A hand with fingers is the last link."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,23 +45,23 @@ def find_body(model: MakerModel) -> Body:
     origins, turns = model.origins()
     middle = _middle_links(model, origins)
     roots = [child for link in middle for child in model.children(link) if child not in middle]
-    limbs = [limb for limb in (_limb(model, root) for root in roots) if len(limb.links) > BEND]
+    limbs = [limb for limb in (_limb(model, root) for root in roots) if len(limb) > BEND]
     pairs = []
     for first in limbs:
         for second in limbs:
-            image = origins[second.links[0]] * np.array([1.0, -1.0, 1.0])
-            near = np.linalg.norm(origins[first.links[0]] - image) < PARTNER
-            if near and origins[first.links[0], 1] > 0.0 and len(first.links) == len(second.links):
+            image = origins[second[0]] * np.array([1.0, -1.0, 1.0])
+            near = np.linalg.norm(origins[first[0]] - image) < PARTNER
+            if near and origins[first[0], 1] > 0.0 and len(first) == len(second):
                 pairs.append((first, second))
     pairs.sort(key=lambda pair: _lowest(model, pair[0], origins, turns))
     if len(pairs) < 2:
-        found = ", ".join(model.links[limb.links[0]].name for limb in limbs) or "none"
+        found = ", ".join(model.links[limb[0]].name for limb in limbs) or "none"
         problem = f"two legs and two arms of at least {BEND + 1} joints are not found; limbs begin at: {found}."
         do = "Left and right must mirror each other in the x-z plane, all joints at zero."
         raise FileError(model.path, problem, do)
     legs, arms = pairs[0], pairs[1]
-    used = {link for pair in (legs, arms) for limb in pair for link in limb.links}
-    trunk, pelvis = (_parent(model, pair) for pair in (arms, legs))
+    used = {link for pair in (legs, arms) for limb in pair for link in limb}
+    trunk, pelvis = (_common_parent(model, pair) for pair in (arms, legs))
     between = {*_path(model, trunk), *_path(model, pelvis)}
     others = tuple(index for index in range(len(model.links)) if index not in used | between)
     return Body(legs=legs, arms=arms, trunk=trunk, pelvis=pelvis, others=others)
@@ -95,18 +88,18 @@ def _limb(model: MakerModel, root: int) -> Limb:
     links = [root]
     while len(children := model.children(links[-1])) == 1:
         links += children
-    return Limb(links=tuple(links))
+    return tuple(links)
 
 
-def _parent(model: MakerModel, pair: tuple[Limb, Limb]) -> int:
+def _common_parent(model: MakerModel, pair: tuple[Limb, Limb]) -> int:
     """The link that both limbs of a pair hang on: the last that is above both."""
-    left, right = (_path(model, model.links[limb.links[0]].parent) for limb in pair)
+    left, right = (_path(model, model.links[limb[0]].parent) for limb in pair)
     return next(link for link in left if link in right)
 
 
 def _lowest(model: MakerModel, limb: Limb, origins: Float[np.ndarray, "l 3"], turns: Float[np.ndarray, "l 4"]) -> float:
     """Height of the lowest point of a limb's last link in the root frame [m]."""
-    name = model.links[limb.end].name
+    name = model.links[limb[-1]].name
     points = [corner_points(shape) for shape in model.shapes if shape.link == name]
-    heights = [float((origins[limb.end] + rotation.rotate(turns[limb.end], each))[:, 2].min()) for each in points]
-    return min(heights, default=float(origins[limb.end, 2]))
+    heights = [float((origins[limb[-1]] + rotation.rotate(turns[limb[-1]], each))[:, 2].min()) for each in points]
+    return min(heights, default=float(origins[limb[-1], 2]))

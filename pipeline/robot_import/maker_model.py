@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.robot_import.numbers import quat_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class MakerJoint:
-    """A hinge. None is what the file does not state."""
+    """A hinge: torque [N m], speed [rad/s], armature [kg m^2], kp [N m/rad], kd [N m s/rad]; None if not stated."""
 
     name: str
     axis: Float[np.ndarray, 3]
@@ -25,13 +27,9 @@ class MakerJoint:
     upper: float | None
     """Position limits [rad]."""
     torque: float | None
-    """[N m]"""
     speed: float | None
-    """[rad/s]"""
     armature: float | None
-    """[kg m^2]"""
     kp: float | None = None
-    """[N m/rad]"""
     kd: float | None = None
     """[N m s/rad]"""
 
@@ -113,6 +111,22 @@ class MakerModel:
             pos.append(pos[link.parent] + rotation.rotate(quat[link.parent], link.pos))
             quat.append(rotation.multiply(quat[link.parent], link.quat))
         return np.array(pos), np.array(quat)
+
+
+def link_of(
+    name: str, parent: int, joint: MakerJoint | None, placement: pinocchio.SE3, inertia: pinocchio.Inertia
+) -> MakerLink:
+    """A link from Pinocchio's placement of its joint in the parent's frame, and its inertia."""
+    return MakerLink(
+        name=name,
+        parent=parent,
+        joint=joint,
+        pos=np.array(placement.translation),
+        quat=quat_of(np.array(placement.rotation)),
+        mass=float(inertia.mass),
+        com=np.array(inertia.lever),
+        inertia=np.array(inertia.inertia),
+    )
 
 
 def corner_points(shape: MakerShape) -> Float[np.ndarray, "n 3"]:

@@ -51,9 +51,7 @@ def primitive_of(
     return "capsule", centre, quat, (radius, float(half[axis]) - radius)
 
 
-def sole_box(
-    points: Float[np.ndarray, "n 3"],
-) -> tuple[Float[np.ndarray, 3], tuple[float, float, float]]:
+def sole_box(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, 3], tuple[float, float, float]]:
     """(position, half extents) of the box on the flat bottom of a foot's mesh; it is half as high as the foot."""
     bottom, top = float(points[:, 2].min()), float(points[:, 2].max())
     flat = points[points[:, 2] <= bottom + FLAT]

@@ -23,6 +23,16 @@ def rounded(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(0.0 if abs(value) < ZERO else float(f"{value:.{DIGITS}g}") for value in values)
 
 
+def columns(names: str, values: Iterable[float]) -> dict[str, float]:
+    """Values by the columns that they are written to, whose names are separated by blanks."""
+    return dict(zip(names.split(), values, strict=True))
+
+
+def quat_of(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, 4]:
+    """Orientation (wxyz, w not negative) of a rotation matrix."""
+    return np.roll(Rotation.from_matrix(matrix).as_quat(canonical=True), 1)
+
+
 def round_axis(quat: Float[np.ndarray, 4]) -> Float[np.ndarray, 4]:
     """The smallest turn (wxyz) to the long axis of a cylinder or capsule, whose ends and angle about it are alike."""
     axis = rotation.rotate(quat, np.array([0.0, 0.0, 1.0]))

@@ -13,19 +13,18 @@ import numpy as np
 from pipeline.robot.adapted import files_of
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
-from pipeline.robot.description import Config, Description
+from pipeline.robot.description import SIDES, Config, Description
 from pipeline.robot.kinematics import compiled
 from pipeline.robot.robot_error import refuse
 from pipeline.robot.tables import JointRow, LinkRow
 from pipeline.robot_import.limbs import BEND, Body, Limb, find_body
 from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel
 from pipeline.robot_import.mirror_names import propose_pairs
-from pipeline.robot_import.numbers import rounded, rpy_of
+from pipeline.robot_import.numbers import columns, rounded, rpy_of
 from pipeline.robot_import.propose_shapes import COLOURS, propose_shapes
-from pipeline.robot_import.propose_sites import ProposedSites, propose_sites
+from pipeline.robot_import.propose_sites import FEET, HANDS, corner_names, propose_sites
 from pipeline.robot_import.stated import NOTHING, Stated
 
-SIDES = ("left", "right")
 STIFFNESS = 4.0
 """Proposed kp over the torque limit [1/rad]; published gains of the T1 are at 2 to 4.5."""
 DAMPING = 1.0 / 40.0
@@ -57,16 +56,15 @@ def propose(model: MakerModel, name: str, *, shapes: MakerModel | None = None, s
         stated: values that take the place of the file's
     """
     body = find_body(model)
-    source = shapes or model
-    todo: list[str] = []
-    joints = tuple(_joint_rows(model, body, stated, todo))
-    sites = propose_sites(source, model, body)
+    source, todo = shapes or model, []
+    joints = _joint_rows(model, body, stated, todo)
+    sites, sites_to_check = propose_sites(source, model, body)
     rows, fitted = propose_shapes(source, model, body)
-    config = _config(model, body, sites)
-    todo += _about(model, body, sites, fitted)
+    config = _config(model, body)
+    todo += _to_check(model, body, sites_to_check, fitted)
     links = tuple(_link_row(number, link, model) for number, link in enumerate(model.links, start=2))
     description = Description(
-        folder=Path(name), config=config, links=links, joints=joints, shapes=rows, sites=sites.rows, contents={}
+        folder=Path(name), config=config, links=links, joints=joints, shapes=rows, sites=sites, contents={}
     )
     refuse(faults_of(description))
     excludes = _overlapping(description)
@@ -80,39 +78,23 @@ def propose(model: MakerModel, name: str, *, shapes: MakerModel | None = None, s
 
 
 def _link_row(line: int, link: MakerLink, model: MakerModel) -> LinkRow:
-    x, y, z = rounded(link.pos)
-    roll, pitch, yaw = rpy_of(link.quat)
-    axis_x, axis_y, axis_z = rounded(link.joint.axis) if link.joint else (0.0, 0.0, 0.0)
-    com_x, com_y, com_z = rounded(link.com)
-    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = (rounded(row) for row in link.inertia)
+    joint = link.joint
     return LinkRow(
         line=line,
         link=link.name,
         parent=model.links[link.parent].name if link.parent >= 0 else "",
-        joint=link.joint.name if link.joint else "",
-        x=x,
-        y=y,
-        z=z,
-        roll=roll,
-        pitch=pitch,
-        yaw=yaw,
-        axis_x=axis_x,
-        axis_y=axis_y,
-        axis_z=axis_z,
-        mass=rounded([link.mass])[0],
-        com_x=com_x,
-        com_y=com_y,
-        com_z=com_z,
-        ixx=ixx,
-        ixy=ixy,
-        ixz=ixz,
-        iyy=iyy,
-        iyz=iyz,
-        izz=izz,
+        joint=joint.name if joint else "",
+        **columns("x y z", rounded(link.pos)),
+        **columns("roll pitch yaw", rpy_of(link.quat)),
+        **columns("axis_x axis_y axis_z", rounded(joint.axis) if joint else (0.0, 0.0, 0.0)),
+        **columns("mass", rounded([link.mass])),
+        **columns("com_x com_y com_z", rounded(link.com)),
+        **columns("ixx ixy ixz iyy iyz izz", rounded(link.inertia[np.triu_indices(3)])),
     )
 
 
-def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) -> Iterator[JointRow]:
+def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) -> tuple[JointRow, ...]:
+    """The joints table; what was proposed is added to `todo`."""
     proposed: dict[str, list[str]] = {}
     others = {model.links[index].name for index in body.others}
 
@@ -131,12 +113,11 @@ def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) 
         torque = number("torque", joint, joint.torque or None, TORQUE)
         speed = number("urdf_speed", joint, joint.speed or None, stated.value("motor_speed", joint.name) or SPEED)
         kp = number("kp", joint, joint.kp, STIFFNESS * torque)
-        controlled = stated.controlled.get(joint.name, link.name not in others)
         rows.append(
             JointRow(
                 line=line,
                 joint=joint.name,
-                controlled=controlled,
+                controlled=stated.controlled.get(joint.name, link.name not in others),
                 lower=lower,
                 upper=upper,
                 urdf_speed=speed,
@@ -149,11 +130,13 @@ def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) 
             )
         )
     for column, names in proposed.items():
-        todo.append(f"joints.csv, {column}: {_HOW[column]} ({_several(names, len(rows))}).")
+        shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        joints = "all joints" if len(names) == len(rows) else shown
+        todo.append(f"joints.csv, {column}: {_HOW[column]} ({joints}).")
     held = [row.joint for row in rows if not row.controlled and row.joint not in stated.controlled]
     if held:
         todo.append(f"joints.csv, controlled: the policy is proposed not to move {', '.join(held)}.")
-    return iter(rows)
+    return tuple(rows)
 
 
 _HOW = {
@@ -169,38 +152,32 @@ _HOW = {
 }
 
 
-def _several(names: list[str], count: int) -> str:
-    if len(names) == count:
-        return "all joints"
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-
-
-def _config(model: MakerModel, body: Body, sites: ProposedSites) -> Config:
+def _config(model: MakerModel, body: Body) -> Config:
     def name(index: int) -> str:
         return model.links[index].name
 
     human = {"trunk": name(body.trunk), "pelvis": name(body.pelvis)}
     for side, leg, arm in zip(SIDES, body.legs, body.arms, strict=True):
         human |= {
-            f"{side}_thigh": name(leg.links[BEND - 1]),
-            f"{side}_shank": name(leg.links[BEND]),
-            f"{side}_foot": name(leg.end),
-            f"{side}_upper_arm": name(arm.links[BEND - 1]),
-            f"{side}_forearm": name(arm.links[BEND]),
+            f"{side}_thigh": name(leg[BEND - 1]),
+            f"{side}_shank": name(leg[BEND]),
+            f"{side}_foot": name(leg[-1]),
+            f"{side}_upper_arm": name(arm[BEND - 1]),
+            f"{side}_forearm": name(arm[BEND]),
         }
     key = [
         name(0),
         name(body.trunk),
         name(body.pelvis),
-        *(name(leg.links[at]) for leg in body.legs for at in (1, BEND, -1)),
-        *(name(arm.links[at]) for arm in body.arms for at in (1, BEND - 1, -1)),
+        *(name(leg[at]) for leg in body.legs for at in (1, BEND, -1)),
+        *(name(arm[at]) for arm in body.arms for at in (1, BEND - 1, -1)),
     ]
     return Config(
         root_link=name(0),
         key_links=tuple(dict.fromkeys(key)),
-        hands=sites.hands,
-        feet=sites.feet,
-        sole_corners=sites.sole_corners,
+        hands=HANDS,
+        feet=FEET,
+        sole_corners=(corner_names("left"), corner_names("right")),
         mirror_names=propose_pairs(_partners(model, body)),
         contact_excludes=(),
         colours=COLOURS,
@@ -220,23 +197,22 @@ def _partners(model: MakerModel, body: Body) -> Iterator[tuple[str, str]]:
 
 
 def _with_fingers(model: MakerModel, limb: Limb) -> list[int]:
-    links = list(limb.links)
+    links = list(limb)
     for link in links:
         links += [child for child in model.children(link) if child not in links]
     return links
 
 
-def _about(model: MakerModel, body: Body, sites: ProposedSites, fitted: tuple[str, ...]) -> list[str]:
-    names = [model.links[index].name for index in (body.trunk, body.pelvis)]
-    todo = [
-        f"robot.toml, human_links: trunk '{names[0]}', pelvis '{names[1]}', thigh, shank, upper arm and forearm are "
+def _to_check(model: MakerModel, body: Body, sites: tuple[str, ...], fitted: tuple[str, ...]) -> list[str]:
+    trunk, pelvis = (model.links[index].name for index in (body.trunk, body.pelvis))
+    meshes = [f"shapes.csv: primitives stand for the meshes of {', '.join(fitted)}: look at them."] if fitted else []
+    return [
+        f"robot.toml, human_links: trunk '{trunk}', pelvis '{pelvis}', thigh, shank, upper arm and forearm are "
         "proposed from the tree: look at them and at mirror_names.",
-        *sites.to_check,
+        *sites,
+        *meshes,
+        "standing.csv (optional): pose and gains the robot stands with on hardware.",
     ]
-    if fitted:
-        todo.append(f"shapes.csv: primitives stand for the meshes of {', '.join(fitted)}: look at them.")
-    todo.append("standing.csv (optional): pose and gains the robot stands with on hardware.")
-    return todo
 
 
 def _overlapping(description: Description) -> tuple[tuple[str, str], ...]:

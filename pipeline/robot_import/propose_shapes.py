@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline import rotation
@@ -9,7 +11,7 @@ from pipeline.robot.tables import ShapeRow
 from pipeline.robot_import.limbs import Body
 from pipeline.robot_import.maker_model import MakerModel, MakerShape
 from pipeline.robot_import.meshes import MESH_DECIMALS, primitive_of, sole_box
-from pipeline.robot_import.numbers import round_axis, rounded, rpy_of
+from pipeline.robot_import.numbers import columns, round_axis, rounded, rpy_of
 
 COLOURS = {"shell": (0.86, 0.87, 0.88), "sole": (0.35, 0.36, 0.4)}
 SUFFIXES = ("_collision", "_visual")
@@ -19,7 +21,7 @@ SUFFIXES = ("_collision", "_visual")
 def propose_shapes(source: MakerModel, model: MakerModel, body: Body) -> tuple[tuple[ShapeRow, ...], tuple[str, ...]]:
     """(rows, links that a primitive stands for the mesh of). Meshes that are only shown are used where a link has no
     other shape."""
-    feet = {model.links[leg.end].name for leg in body.legs}
+    feet = {model.links[leg[-1]].name for leg in body.legs}
     rows: list[ShapeRow] = []
     fitted: list[str] = []
     for link in (each.name for each in model.links):
@@ -30,8 +32,7 @@ def propose_shapes(source: MakerModel, model: MakerModel, body: Body) -> tuple[t
         solid = [shape for shape in own if shape.points is not None and shape.collides]
         used += [(_fitted(shape, link in feet), "both") for shape in solid]
         if not used:
-            meshes = [shape for shape in own if shape.points is not None][:1]
-            used = [(_fitted(shape, False), "visual") for shape in meshes]
+            used = [(_fitted(shape, False), "visual") for shape in own if shape.points is not None][:1]
         if any(shape.points is not None for shape, _ in used) or solid or (used and not primitives):
             fitted.append(link)
         for shape, role in used:
@@ -68,16 +69,8 @@ def _fitted(shape: MakerShape, is_foot: bool) -> MakerShape:
         kind, quat = "box", np.array([1.0, 0.0, 0.0, 0.0])
     else:
         kind, pos, quat, size = primitive_of(shape.points)
-    return MakerShape(
-        name=shape.name,
-        link=shape.link,
-        kind=kind,
-        collides=shape.collides,
-        shown=True,
-        pos=pos.round(MESH_DECIMALS),
-        quat=quat,
-        size=tuple(round(float(value), MESH_DECIMALS) for value in size),
-    )
+    size = tuple(round(float(value), MESH_DECIMALS) for value in size)
+    return replace(shape, kind=kind, shown=True, pos=pos.round(MESH_DECIMALS), quat=quat, size=size, points=None)
 
 
 def _row(line: int, shape: MakerShape, role: str, colour: str, rows: list[ShapeRow]) -> ShapeRow:
@@ -90,10 +83,8 @@ def _row(line: int, shape: MakerShape, role: str, colour: str, rows: list[ShapeR
         while f"{stem}_{number}" in known:
             number += 1
         name = f"{stem}_{number}"
-    x, y, z = rounded(shape.pos)
     turns = {"sphere": rotation.IDENTITY, "box": shape.quat}
-    roll, pitch, yaw = rpy_of(turns[shape.kind] if shape.kind in turns else round_axis(shape.quat))
-    size_a, size_b, size_c = (*rounded(shape.size), 0.0, 0.0)[:3]
+    turn = turns[shape.kind] if shape.kind in turns else round_axis(shape.quat)
     return ShapeRow(
         line=line,
         shape=name,
@@ -101,13 +92,7 @@ def _row(line: int, shape: MakerShape, role: str, colour: str, rows: list[ShapeR
         kind=shape.kind,
         role=role,
         colour=colour,
-        x=x,
-        y=y,
-        z=z,
-        roll=roll,
-        pitch=pitch,
-        yaw=yaw,
-        size_a=size_a,
-        size_b=size_b,
-        size_c=size_c,
+        **columns("x y z", rounded(shape.pos)),
+        **columns("roll pitch yaw", rpy_of(turn)),
+        **columns("size_a size_b size_c", (*rounded(shape.size), 0.0, 0.0)[:3]),
     )

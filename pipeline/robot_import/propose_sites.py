@@ -2,41 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.robot.description import SIDES
 from pipeline.robot.tables import SiteRow
 from pipeline.robot_import.limbs import BEND, Body, Limb
 from pipeline.robot_import.maker_model import MakerModel, corner_points
 from pipeline.robot_import.meshes import FLAT, MESH_DECIMALS
-from pipeline.robot_import.numbers import rounded
+from pipeline.robot_import.numbers import columns, rounded
 
-SIDES = ("left", "right")
 CORNERS = ("front_left", "front_right", "rear_right", "rear_left")
 WRIST = 0.86
 """Wrist on the way from the elbow to the end of the arm, where no joint tells (the T1's)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ProposedSites:
-    """All sites, and which of them hands and soles are."""
+HANDS, FEET = ("left_hand", "right_hand"), ("left_sole_centre", "right_sole_centre")
+SoleCorners = tuple[str, str, str, str]
 
-    rows: tuple[SiteRow, ...]
-    hands: tuple[str, str]
-    feet: tuple[str, str]
-    sole_corners: tuple[tuple[str, str, str, str], tuple[str, str, str, str]]
-    to_check: tuple[str, ...]
-    """Sentences on sites that are guessed from shapes."""
+
+def corner_names(side: str) -> SoleCorners:
+    """Names of the corners of a sole."""
+    first, second, third, fourth = (f"{side}_sole_{corner}" for corner in CORNERS)
+    return first, second, third, fourth
 
 
 Places = dict[str, tuple[str, np.ndarray, str]]
 """Link, position in it [m] and source of each site."""
 
 
-def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> ProposedSites:
-    """Sites of a robot. A site of the file that has the name of a proposed one takes its place."""
+def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> tuple[tuple[SiteRow, ...], tuple[str, ...]]:
+    """Sites of a robot, and sentences on those that are guessed from shapes.
+
+    A site of the file that has the name of a proposed one takes its place.
+    """
     of_file = {site.name: (site.link, site.pos, f"{source.path.name}") for site in source.sites}
     places: Places = {}
     if "imu" not in of_file:
@@ -53,27 +52,14 @@ def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> Proposed
         to_check.append(f"sites.csv: {', '.join(guessed)} are proposed from the end of the arm's shapes: look at them.")
     places |= of_file
     rows = tuple(
-        SiteRow(line=line, site=name, link=link, **dict(zip("xyz", rounded(pos), strict=True)), source=origin)
+        SiteRow(line=line, site=name, link=link, **columns("x y z", rounded(pos)), source=origin)
         for line, (name, (link, pos, origin)) in enumerate(places.items(), start=2)
     )
-    left, right = SIDES
-    return ProposedSites(
-        rows=rows,
-        hands=("left_hand", "right_hand"),
-        feet=("left_sole_centre", "right_sole_centre"),
-        sole_corners=(_corners(left), _corners(right)),
-        to_check=tuple(to_check),
-    )
-
-
-def _corners(side: str) -> tuple[str, str, str, str]:
-    """Names of the corners of a sole."""
-    first, second, third, fourth = (f"{side}_sole_{corner}" for corner in CORNERS)
-    return first, second, third, fourth
+    return rows, tuple(to_check)
 
 
 def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
-    foot = model.links[leg.end].name
+    foot = model.links[leg[-1]].name
     low, high, bottom = _sole(source, foot)
     origin = f"derived: bottom of the foot's shapes in {source.path.name}"
     places: Places = {f"{side}_sole_centre": (foot, np.array([*(0.5 * (low + high)), bottom]), origin)}
@@ -82,8 +68,8 @@ def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
         x, y = (ends[part] for part in corner.split("_"))
         places[f"{side}_sole_{corner}"] = (foot, np.array([x, y, bottom]), origin)
     places[f"{side}_ankle"] = (foot, np.zeros(3), "derived: origin of the last ankle joint")
-    places[f"{side}_hip"] = (model.links[leg.links[1]].name, np.zeros(3), "derived: origin of the second hip joint")
-    places[f"{side}_knee"] = (model.links[leg.links[BEND]].name, np.zeros(3), "derived: origin of the knee joint")
+    places[f"{side}_hip"] = (model.links[leg[1]].name, np.zeros(3), "derived: origin of the second hip joint")
+    places[f"{side}_knee"] = (model.links[leg[BEND]].name, np.zeros(3), "derived: origin of the knee joint")
     return places
 
 
@@ -101,7 +87,7 @@ def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, 2], Float[np
 
 def _arm(source: MakerModel, model: MakerModel, side: str, arm: Limb) -> tuple[Places, list[str]]:
     """Sites of an arm, and those of them that are guessed from shapes."""
-    upper, forearm, end = (model.links[arm.links[at]].name for at in (1, BEND, -1))
+    upper, forearm, end = (model.links[arm[at]].name for at in (1, BEND, -1))
     places: Places = {
         f"{side}_shoulder": (upper, np.zeros(3), "derived: origin of the second shoulder joint"),
         f"{side}_elbow": (forearm, np.zeros(3), "derived: origin of the elbow joint"),
@@ -109,9 +95,9 @@ def _arm(source: MakerModel, model: MakerModel, side: str, arm: Limb) -> tuple[P
     hand, near = _hand(source, end)
     guessed = [f"{side}_hand"]
     places[f"{side}_hand"] = (end, hand, "proposed: end of the arm's shapes")
-    if len(arm.links) > BEND + 1:
+    if len(arm) > BEND + 1:
         origin = "derived: origin of the first wrist joint"
-        places[f"{side}_wrist"] = (forearm, model.links[arm.links[BEND + 1]].pos, origin)
+        places[f"{side}_wrist"] = (forearm, model.links[arm[BEND + 1]].pos, origin)
     else:
         guessed.append(f"{side}_wrist")
         places[f"{side}_wrist"] = (forearm, near, "proposed: beside the hand")

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite
+from pipeline.robot_import.maker_model import MakerJoint, MakerModel, MakerShape, MakerSite, link_of
+from pipeline.robot_import.numbers import quat_of
 
 KINDS = {
     mujoco.mjtGeom.mjGEOM_BOX: ("box", 3),
@@ -42,28 +43,15 @@ def read_mjcf(path: Path) -> MakerModel:
         inertia = _lumped(model, [each for each in owner if owner[each] == body], frames, stated)
         parent = model.body_parentid[body]
         placement = pinocchio.SE3.Identity() if body == root else frames[parent] * _placement(model, body)
-        links.append(
-            MakerLink(
-                name=model.body(body).name,
-                parent=-1 if body == root else index[owner[parent]],
-                joint=None if body == root else _joint(model, int(model.body_jntadr[body])),
-                pos=np.array(placement.translation),
-                quat=np.roll(Rotation.from_matrix(np.array(placement.rotation)).as_quat(canonical=True), 1),
-                mass=float(inertia.mass),
-                com=np.array(inertia.lever),
-                inertia=np.array(inertia.inertia),
-            )
-        )
+        joint = None if body == root else _joint(model, int(model.body_jntadr[body]))
+        above = -1 if body == root else index[owner[parent]]
+        links.append(link_of(model.body(body).name, above, joint, placement, inertia))
     name_of = {body: model.body(owner[body]).name for body in owner}
     shapes, more = _shapes(model, name_of, frames)
     sites = tuple(
-        MakerSite(
-            name=model.site(site).name,
-            link=name_of[int(model.site_bodyid[site])],
-            pos=np.array(frames[int(model.site_bodyid[site])].act(model.site_pos[site])),
-        )
-        for site in range(model.nsite)
-        if int(model.site_bodyid[site]) in owner and model.site(site).name
+        MakerSite(name=model.site(site).name, link=name_of[body], pos=np.array(frames[body].act(model.site_pos[site])))
+        for site, body in enumerate(model.site_bodyid.tolist())
+        if body in owner and model.site(site).name
     )
     return MakerModel(path=path, links=tuple(links), shapes=shapes, sites=sites, notes=(*notes, *more))
 
@@ -81,11 +69,7 @@ def _without_missing_meshes(spec: mujoco.MjSpec, path: Path) -> tuple[str, ...]:
 
 
 def _root(path: Path, model: mujoco.MjModel) -> int:
-    free = [
-        int(model.jnt_bodyid[joint])
-        for joint in range(model.njnt)
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
-    ]
+    free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE].tolist()
     top = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
     found = free or top
     if len(found) != 1:
@@ -206,7 +190,7 @@ def _shapes(
             notes.append(f"body '{name_of[body]}': geom {geom} has a kind that is not used.")
             continue
         own = frames[body] * _se3(model.geom_pos[geom], model.geom_quat[geom])
-        quat = np.roll(Rotation.from_matrix(np.array(own.rotation)).as_quat(canonical=True), 1)
+        quat = quat_of(np.array(own.rotation))
         points = None
         if kind == "mesh":
             mesh = int(model.geom_dataid[geom])

@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio
 from scipy.spatial.transform import Rotation
 
-from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite
+from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite, link_of
 from pipeline.robot_import.meshes import mesh_points
+from pipeline.robot_import.numbers import quat_of
 
-HINGES = ("revolute", "continuous")
+KINDS = ("revolute", "continuous", "fixed")
 ROOT_JOINT = 1
 """Index of the free joint in Pinocchio's model; 0 is the universe."""
 
@@ -28,7 +28,6 @@ def read_urdf(path: Path, root: Xml.Element) -> MakerModel:
         model = pinocchio.buildModelFromXML(Xml.tostring(root, encoding="unicode"), pinocchio.JointModelFreeFlyer())
     except (ValueError, RuntimeError) as error:
         raise FileError(path, f"Pinocchio cannot read it ({error}).", "Correct the URDF.") from error
-    child_of = {joint.get("name", ""): _ref(joint, "child") for joint in root.iter("joint") if joint.get("type")}
     elements = {joint.get("name", ""): joint for joint in root.iter("joint") if joint.get("type")}
     order = _depth_first(model, list(elements))
     index = {joint: position for position, joint in enumerate(order)}
@@ -36,21 +35,12 @@ def read_urdf(path: Path, root: Xml.Element) -> MakerModel:
     pinocchio.forwardKinematics(model, data, pinocchio.neutral(model), np.zeros(model.nv))
     links = []
     for joint in order:
-        inertia, placement = model.inertias[joint], model.jointPlacements[joint]
-        name = model.names[joint]
-        is_root = joint == ROOT_JOINT
-        links.append(
-            MakerLink(
-                name=_root_link(root) if is_root else child_of[name],
-                parent=-1 if is_root else index[model.parents[joint]],
-                joint=None if is_root else _joint(elements[name], model, data, joint),
-                pos=np.zeros(3) if is_root else np.array(placement.translation),
-                quat=rotation.IDENTITY if is_root else _quat(placement.rotation),
-                mass=float(inertia.mass),
-                com=np.array(inertia.lever),
-                inertia=np.array(inertia.inertia),
-            )
-        )
+        name, inertia = model.names[joint], model.inertias[joint]
+        if joint == ROOT_JOINT:
+            links.append(link_of(_root_link(root), -1, None, pinocchio.SE3.Identity(), inertia))
+        else:
+            hinge, parent = _joint(elements[name], model, data, joint), index[model.parents[joint]]
+            links.append(link_of(_ref(elements[name], "child"), parent, hinge, model.jointPlacements[joint], inertia))
     names = {joint: link.name for joint, link in zip(order, links, strict=True)}
     shapes, notes = _shapes(path, root, model, names)
     return MakerModel(
@@ -71,12 +61,9 @@ def _without_world(root: Xml.Element) -> None:
 
 
 def _check(path: Path, root: Xml.Element) -> None:
-    bad = [
-        f"'{each.get('name')}' ({each.get('type')})"
-        for each in root.findall("joint")
-        if each.get("type") not in (*HINGES, "fixed")
-    ]
-    bad += [f"'{each.get('name')}' (mimic)" for each in root.findall("joint") if each.find("mimic") is not None]
+    joints = root.findall("joint")
+    bad = [f"'{each.get('name')}' ({each.get('type')})" for each in joints if each.get("type") not in KINDS]
+    bad += [f"'{each.get('name')}' (mimic)" for each in joints if each.find("mimic") is not None]
     if bad:
         problem = f"these joints are no independent hinges: {', '.join(bad)}."
         raise FileError(path, problem, "Make them fixed or revolute in a copy of the file.")
@@ -147,9 +134,7 @@ def _shapes(
 
 def _shape(path: Path, element: Xml.Element, placement: pinocchio.SE3, link: str) -> MakerShape:
     """Raises ValueError for a geometry that cannot be used."""
-    local = _origin(element)
-    own = placement * local
-    name, collides = element.get("name", ""), element.tag == "collision"
+    own = placement * _origin(element)
     geometry = element.find("geometry")
     form = next(iter(geometry), None) if geometry is not None else None
     if form is None:
@@ -170,13 +155,13 @@ def _shape(path: Path, element: Xml.Element, placement: pinocchio.SE3, link: str
     if not all(math.isfinite(value) and value > 0.0 for value in size):
         raise ValueError(f"a {form.tag} has the sizes {size}.")
     return MakerShape(
-        name=name,
+        name=element.get("name", ""),
         link=link,
         kind=form.tag,
-        collides=collides,
-        shown=not collides,
+        collides=element.tag == "collision",
+        shown=element.tag == "visual",
         pos=np.array(own.translation),
-        quat=_quat(own.rotation),
+        quat=quat_of(own.rotation),
         size=size,
         points=points,
     )
@@ -218,10 +203,6 @@ def _sites(
         pos = np.array(frame.placement.translation)
         sites.append(MakerSite(name=name, link=names[frame.parentJoint], pos=pos))
     return tuple(sites)
-
-
-def _quat(matrix: np.ndarray) -> np.ndarray:
-    return np.roll(Rotation.from_matrix(matrix).as_quat(canonical=True), 1)
 
 
 def _numbers(text: str) -> list[float]:

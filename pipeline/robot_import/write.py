@@ -1,4 +1,4 @@
-"""Write a proposed robot folder."""
+"""Write a proposed robot folder, with a README that says where each column comes from and what is open."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import tempfile
 from pathlib import Path
 
 from pipeline.errors import FileError
+from pipeline.files import digest
+from pipeline.files.shown_text import cell
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.adapted import write_robot_folder
+from pipeline.robot_import.maker_model import MakerModel
 from pipeline.robot_import.propose import Proposal
+from pipeline.robot_import.stated import Stated
 
 README = "README.md"
 
@@ -29,3 +33,39 @@ def write_folder(folder: Path, proposal: Proposal, readme: str) -> Robot:
         (part / README).write_text(readme, encoding="utf-8")
         part.replace(folder)
     return load_robot(folder)
+
+
+def readme(proposal: Proposal, model: MakerModel, shapes: MakerModel | None, stated: Stated) -> str:
+    """Markdown text."""
+    source, name = shapes or model, proposal.description.name
+    files = {cell(each.path.name): digest.of_file(each.path) for each in (model, source)}
+    rows = [
+        ("links: tree, origins, axes, masses, centres of mass, inertias", f"`{cell(model.path.name)}`"),
+        ("joints: what is not listed below", f"`{cell(model.path.name)}`"),
+        ("shapes", f"`{cell(source.path.name)}`, primitives in place of meshes"),
+        ("sites", "column `source`"),
+        ("`robot.toml`", "proposed from the tree"),
+    ]
+    if stated.path is not None:
+        columns = [*stated.numbers, *(["controlled"] if stated.controlled else [])]
+        rows.insert(2, (f"joints: {', '.join(f'`{name}`' for name in columns)}", f"`{cell(stated.path.name)}`"))
+    lines = [
+        f"# {name}, {len(proposal.description.joints)} joints",
+        "",
+        f"Imported by `booster-lab import-robot`. `{name}.xml` and `{name}.urdf` are rendered from the tables; "
+        "edit the tables, then run",
+        f"`python -m pipeline.robot.render robots/{name}`.",
+        "",
+        "| table, column | source |",
+        "|---|---|",
+        *(f"| {table} | {origin} |" for table, origin in rows),
+        "",
+        *(f"- `{file}`: sha256 `{value}`" for file, value in files.items()),
+        "",
+        "## To state",
+        "",
+        *(f"- {cell(text)}" for text in proposal.to_state),
+    ]
+    if proposal.notes:
+        lines += ["", "## Not used of the files", "", *(f"- {cell(text)}" for text in proposal.notes)]
+    return "\n".join(lines) + "\n"

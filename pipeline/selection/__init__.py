@@ -7,11 +7,10 @@
 more seconds of a skill bring.
 """
 
-from pipeline.selection.choose import choose, idle_patterns
-from pipeline.selection.curation import Curation, Decision, WindowSettings, without_excluded
-from pipeline.selection.raised_bounds import RaisedBound, raised_bounds
-from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, SkillBounds
-from pipeline.selection.windows import Window, find_windows, process
+from pipeline.clips.outcome import LABELS, SKILLS, TRANSITION
+from pipeline.selection.choose import RaisedBound, choose, idle_patterns, raised_bounds
+from pipeline.selection.curation import Curation, Decision, without_excluded
+from pipeline.selection.windows import find_windows, process
 
 __all__ = [
     "LABELS",
@@ -20,9 +19,6 @@ __all__ = [
     "Curation",
     "Decision",
     "RaisedBound",
-    "SkillBounds",
-    "Window",
-    "WindowSettings",
     "choose",
     "find_windows",
     "idle_patterns",

@@ -1,8 +1,10 @@
-"""Select windows of all clips according to the curation."""
+"""Select windows of all clips according to the curation, and what a raised limit of a skill adds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import zip_longest
 from typing import Any
@@ -109,3 +111,104 @@ def _alternate(groups: list[list[dict[str, Any]]]) -> Iterator[dict[str, Any]]:
     """Interleave groups: the first of each, then the second of each, and so on."""
     for turn in zip_longest(*groups):
         yield from (row for row in turn if row is not None)
+
+
+CLOSE_S = 1e-6
+"""Tolerance for equal seconds [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RaisedBound:
+    """A raised limit of a skill, and the available windows."""
+
+    skill: str
+    bound_s: float | None
+    """Previous limit [s]; None without a limit."""
+    wanted_s: float | None
+    """New limit [s]."""
+    there_s: float
+    """Seconds of windows that are eligible except for the limit."""
+    before_s: float
+    """Seconds selected under the previous limit."""
+    taken_s: float
+    """Seconds selected now."""
+    more_windows: int
+    """Windows selected now and not before."""
+    fewer_windows: int
+    """Shorter windows that were dropped for them."""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the previous limit excluded windows."""
+        return self.there_s > self.before_s + CLOSE_S
+
+    @property
+    def all_taken(self) -> bool:
+        """Whether all eligible windows are selected."""
+        return self.taken_s > self.there_s - CLOSE_S
+
+    @property
+    def short(self) -> bool:
+        """Whether the limit exceeds what is available: only new recordings add more."""
+        return self.all_taken and (self.wanted_s is None or self.wanted_s > self.there_s + CLOSE_S)
+
+    def text(self) -> str:
+        """One line for a report."""
+        if self.bound_s is None:
+            head = f"{self.skill}: more was wanted by feedback, it has no bound, {self.there_s:.1f} s are there"
+        else:
+            head = f"{self.skill}: wanted {self.wanted_s:g} s by feedback, {self.there_s:.1f} s are there"
+        if not self.reached:
+            bound = "" if self.bound_s is None else f", the bound of {self.bound_s:g} s cut none off"
+            return f"{head}: no more windows to take{bound}; record more of it"
+        if not self.more_windows:
+            return f"{head}: {self.taken_s:.1f} s taken as before, none of the windows left out fits in"
+        windows = f"{self.more_windows} more window{'s' if self.more_windows > 1 else ''}"
+        room = f" in place of {self.fewer_windows} shorter" if self.fewer_windows else ""
+        rest = "that is all of it" if self.all_taken else f"{self.there_s - self.taken_s:.1f} s left out"
+        rest += "; record more" if self.short else ""
+        return (
+            f"{head}: {windows}{room}, from {self.before_s:.1f} s "
+            f"(bound {self.bound_s:g} s) to {self.taken_s:.1f} s, {rest}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON types, with derived values and the text."""
+        return {**dataclasses.asdict(self), "reached": self.reached, "short": self.short, "text": self.text()}
+
+
+def raised_bounds(
+    rows: pd.DataFrame, before: Curation, after: Curation, skills: Iterable[str]
+) -> tuple[RaisedBound, ...]:
+    """Effect of the limits of `after` against `before` for some skills; `rows` as for `choose`."""
+    wanted = sorted(set(skills))
+    if not wanted:
+        return ()
+    uncapped = dataclasses.replace(after, most_seconds={})
+    there, old, new = (_seconds(choose(rows, each)) for each in (uncapped, before, after))
+    result = []
+    for skill in wanted:
+        seconds = [each.get(skill, {}) for each in (there, old, new)]
+        there_s, before_s, taken_s = (round(sum(each.values()), 6) for each in seconds)
+        result.append(
+            RaisedBound(
+                skill=skill,
+                bound_s=before.most_seconds.get(skill),
+                wanted_s=after.most_seconds.get(skill),
+                there_s=there_s,
+                before_s=before_s,
+                taken_s=taken_s,
+                more_windows=len(seconds[2].keys() - seconds[1].keys()),
+                fewer_windows=len(seconds[1].keys() - seconds[2].keys()),
+            )
+        )
+    return tuple(result)
+
+
+def _seconds(choice: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Skill -> selected window -> its seconds."""
+    found: dict[str, dict[str, float]] = {}
+    for row in choice.to_dict("records"):
+        if row["taken"]:
+            found.setdefault(str(row["skill"]), {})[str(row["clip"])] = float(row["seconds"])
+    return found

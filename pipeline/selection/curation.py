@@ -3,16 +3,28 @@
 Decisions are written by `booster-lab curate` or by hand. An excluded recording or window is left out by KP1, an
 excluded variant or rollout by KP5. An accepted clip is one that a person reviewed: accepting replaces an exclusion, but
 lets nothing in that a criterion rejects.
+
+Decisions are written at the end of the file: the text above them, with its remarks, stays as it is. `decisions:` is the
+last key and its block is replaced as a whole; all other settings are read before and after and must be the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import dataclasses
+import fcntl
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
+
+import yaml
 
 from pipeline.batch import Manifest
 from pipeline.clips.outcome import LABELS, Reason
+from pipeline.errors import FileError, SettingsError
+from pipeline.files import atomic, settings
 from pipeline.files.ranges import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -137,3 +149,75 @@ class Curation:
     """Segmentation of a clip into windows."""
     decisions: tuple[Decision, ...] = ()
     """A person's decisions on single clips, the latest of a clip last."""
+
+
+KEY = "decisions"
+REMARK = "# Decisions of a person on single clips, written by `booster-lab curate`; docs/curate.md explains them.\n"
+
+
+def read_decisions(path: Path) -> tuple[Decision, ...]:
+    """The decisions in a curation file. Raises SettingsError."""
+    return settings.read(path, Curation).decisions
+
+
+def decide(path: Path, new: Sequence[Decision]) -> tuple[Decision, ...]:
+    """Add decisions, each in place of an earlier one on the same clip; those that are in force now.
+
+    Raises SettingsError for a file that can't be read, FileError when it can't be written; it is unchanged then.
+    """
+    with _only_writer(path):
+        names = {each.clip for each in new}
+        kept = [each for each in read_decisions(path) if each.clip not in names]
+        return _write(path, (*kept, *new))
+
+
+def take_back(path: Path, clips: Sequence[str]) -> tuple[Decision, ...]:
+    """Remove the decisions on some clips; those that are left. Raises FileError for a clip without a decision."""
+    with _only_writer(path):
+        there = read_decisions(path)
+        strange = sorted(set(clips) - {each.clip for each in there})
+        if strange:
+            raise FileError(path, f"there is no decision on '{strange[0]}'.", "Load the page again.")
+        return _write(path, tuple(each for each in there if each.clip not in set(clips)))
+
+
+def _write(path: Path, decisions: tuple[Decision, ...]) -> tuple[Decision, ...]:
+    """Replace the block of decisions. Raises SettingsError if the new text says anything else apart from them."""
+    text = path.read_text(encoding="utf-8")
+    kept = _without_block(text)
+    new, rows = kept.rstrip("\n") + "\n", [dataclasses.asdict(each) for each in decisions]
+    if decisions:
+        new += f"\n{REMARK}" + yaml.safe_dump({KEY: rows}, sort_keys=False, allow_unicode=True, width=1000)
+    before, after = yaml.safe_load(text), yaml.safe_load(new)
+    stated = after.pop(KEY, []) if isinstance(after, dict) else None
+    rest = {key: value for key, value in before.items() if key != KEY}
+    if after != rest or stated != rows or KEY in (yaml.safe_load(kept) or {}):
+        raise SettingsError(path, f"the key '{KEY}' can't be replaced.", f"Move '{KEY}:' to the end of the file.")
+    atomic.write_text(path, new)
+    return decisions
+
+
+def _without_block(text: str) -> str:
+    """The text without the top-level key `decisions`, its value and the remark above it."""
+    kept, inside = [], False
+    for line in text.splitlines(keepends=True):
+        if line.startswith(f"{KEY}:"):
+            inside = True
+        elif inside and (line[:1].isspace() or line.startswith(("-", "#")) or not line.strip()):
+            continue
+        else:
+            inside = False
+            if line != REMARK:
+                kept.append(line)
+    return "".join(kept)
+
+
+@contextmanager
+def _only_writer(path: Path) -> Iterator[None]:
+    """Keep other writers of the file waiting."""
+    handle = os.open(path.parent, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)

@@ -18,7 +18,6 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, Int
 
-from pipeline.clips.outcome import LABELS, SKILLS, TRANSITION
 from pipeline.files.ranges import POSITIVE, Range, check, increasing
 
 
@@ -74,9 +73,6 @@ def _walk_back(best: np.ndarray, start: np.ndarray) -> list[tuple[int, int, int]
         values = best[begun].copy()
         values[label] = np.inf
         stop, label = begun, int(np.argmin(values))
-
-
-__all__ = ["LABELS", "SKILLS", "TRANSITION", "SkillBounds", "distances"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,11 +10,11 @@ from jaxtyping import Float
 
 from pipeline import time_series
 from pipeline.clips.human_clip import HumanClip
-from pipeline.clips.outcome import Numbers, Outcome, Piece
+from pipeline.clips.outcome import LABELS, SKILLS, TRANSITION, Numbers, Outcome, Piece
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.planar_motion import PlanarMotion, planar_motion
 from pipeline.selection.curation import Curation, WindowSettings
-from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, distances, segment
+from pipeline.selection.skills import distances, segment
 
 NEVER = 1e3
 """Cost of a forbidden label [m/s]."""
@@ -27,15 +27,15 @@ class Window:
     skill: str
     start: int
     stop: int
-    forward_m_s: float
-    lateral_m_s: float
-    """Positive to the left."""
-    yaw_rate_rad_s: float
-    """Positive to the left."""
-    off_skill_m_s: float
-    """Mean distance of the frames from the skill's region; 0 for a transition."""
     recorded_share: float
     """Share of the frames in which root and facing were recorded."""
+    forward_m_s: float = 0.0
+    lateral_m_s: float = 0.0
+    """Positive to the left."""
+    yaw_rate_rad_s: float = 0.0
+    """Positive to the left."""
+    off_skill_m_s: float = 0.0
+    """Mean distance of the frames from the skill's region; 0 for a transition."""
 
 
 def find_windows(clip: HumanClip | RobotClip, *, settings: WindowSettings) -> tuple[Window, ...]:
@@ -80,18 +80,10 @@ def _costs(motion: PlanarMotion, fps: float, settings: WindowSettings) -> Float[
 
 
 def _measured(motion: PlanarMotion, label: str, start: int, stop: int, settings: WindowSettings) -> Window:
+    recorded = float(motion.recorded[start:stop].mean())
     known = np.flatnonzero(motion.valid[start:stop]) + start
     if len(known) == 0:
-        return Window(
-            skill=TRANSITION,
-            start=start,
-            stop=stop,
-            forward_m_s=0.0,
-            lateral_m_s=0.0,
-            yaw_rate_rad_s=0.0,
-            off_skill_m_s=0.0,
-            recorded_share=float(motion.recorded[start:stop].mean()),
-        )
+        return Window(skill=TRANSITION, start=start, stop=stop, recorded_share=recorded)
     forward, lateral, yaw_rate = motion.forward[known], motion.lateral[known], motion.yaw_rate[known]
     off = 0.0
     if label != TRANSITION:
@@ -100,11 +92,11 @@ def _measured(motion: PlanarMotion, label: str, start: int, stop: int, settings:
         skill=label,
         start=start,
         stop=stop,
+        recorded_share=recorded,
         forward_m_s=float(forward.mean()),
         lateral_m_s=float(lateral.mean()),
         yaw_rate_rad_s=float(yaw_rate.mean()),
         off_skill_m_s=off,
-        recorded_share=float(motion.recorded[start:stop].mean()),
     )
 
 
@@ -126,6 +118,7 @@ def _seconds(clip: HumanClip | RobotClip, window: Window) -> float:
 
 
 def _piece(clip: HumanClip | RobotClip, window: Window) -> Piece:
+    means = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "off_skill_m_s", "recorded_share")
     return Piece(
         clip=dataclasses.replace(clip, name=f"{clip.name}@{window.start}-{window.stop - 1}"),
         numbers={
@@ -133,10 +126,6 @@ def _piece(clip: HumanClip | RobotClip, window: Window) -> Piece:
             "start_frame": window.start,
             "stop_frame": window.stop,
             "seconds": _seconds(clip, window),
-            "forward_m_s": window.forward_m_s,
-            "lateral_m_s": window.lateral_m_s,
-            "yaw_rate_rad_s": window.yaw_rate_rad_s,
-            "off_skill_m_s": window.off_skill_m_s,
-            "recorded_share": window.recorded_share,
+            **{name: getattr(window, name) for name in means},
         },
     )

@@ -22,7 +22,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.robot.kinematics import compiled
-from pipeline.simulation.plant import NoBallError, PlantState
+from pipeline.simulation.plant import NoBallError, Plant, PlantState, standing_state
 from pipeline.simulation.terrain import FlatGround, Ground
 
 INTEGRATORS = {
@@ -64,27 +64,20 @@ class MujocoOptions:
     ball: Ball | None = None
 
 
-class MujocoPlant:
-    """See `Plant`; it also tells accelerations, and throws a ball where the options have one."""
+class MujocoPlant(Plant):
+    """See `Plant`; it also has accelerations, and throws a ball if the options have one."""
 
     def __init__(self, robot: Robot, options: MujocoOptions | None = None):
         self.robot, self.options = robot, options or MujocoOptions()
         self.ground: Ground = self.options.ground or FlatGround()
         self.timestep_s = self.options.timestep_s
-        self.model = _model(robot, self.options, self.ground)
+        self.model = simulated_model(robot, self.options, self.ground)
         self.data = mujoco.MjData(self.model)
         joints = len(robot.joint_names)
         self._pushed = False
         self._qpos, self._qvel = slice(7, 7 + joints), slice(6, 6 + joints)
         self._feet = [int(self.model.site_bodyid[self.model.site(name).id]) for name in robot.feet]
-        self._default = PlantState(
-            root_pos_w=np.array([0.0, 0.0, robot.default_root_height + self.ground.height(0.0, 0.0)]),
-            root_quat_w=rotation.IDENTITY.copy(),
-            root_lin_vel_w=np.zeros(3),
-            root_ang_vel_b=np.zeros(3),
-            joint_pos=np.array(robot.default_joint_pos),
-            joint_vel=np.zeros(joints),
-        )
+        self._default = standing_state(robot, self.ground.height(0.0, 0.0))
         self.reset()
 
     def reset(self, state: PlantState | None = None) -> None:
@@ -140,19 +133,14 @@ class MujocoPlant:
         return self.data.qacc[: self._qvel.stop].copy()
 
     def throw(self, direction_w: Float[np.ndarray, " 3"], speed: float) -> None:
-        """From `BALL_DISTANCE` before the root link's centre of mass, at its height and towards it."""
+        """Throw the ball at the root link's centre of mass, from `BALL_DISTANCE` before it and at its height."""
         if self.options.ball is None:
             raise NoBallError(self)
         self._place_ball(self.data.xipos[1] - BALL_DISTANCE * direction_w, speed * direction_w)
 
     def remove_ball(self) -> None:
-        """Back to where it waits."""
         if self.options.ball is not None:
             self._place_ball(PARKED_W, np.zeros(3))
-
-    def ball_velocity_w(self) -> Float[np.ndarray, " 3"]:
-        """[m/s]"""
-        return self.data.qvel[self._qvel.stop : self._qvel.stop + 3].copy()
 
     def _place_ball(self, pos_w: np.ndarray, lin_vel_w: np.ndarray) -> None:
         first, first_v = self._qpos.stop, self._qvel.stop
@@ -160,7 +148,8 @@ class MujocoPlant:
         self.data.qvel[first_v : first_v + 3], self.data.qvel[first_v + 3 :] = lin_vel_w, 0.0
 
 
-def _model(robot: Robot, options: MujocoOptions, ground: Ground) -> mujoco.MjModel:
+def simulated_model(robot: Robot, options: MujocoOptions, ground: Ground) -> mujoco.MjModel:
+    """The robot on a ground, with the options. Raises UnknownNameError for an unknown integrator."""
     if options.integrator not in INTEGRATORS:
         raise UnknownNameError("integrator", options.integrator, tuple(INTEGRATORS))
     spec = mujoco.MjSpec.from_string(robot.mjcf)

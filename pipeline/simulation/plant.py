@@ -1,14 +1,16 @@
-"""What a rollout needs of a physics engine: set a state, read it, step with joint torques, push, feel the ground."""
+"""What a rollout needs of a physics engine: set and read a state, step with joint torques, push, foot forces."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
+from pipeline import rotation
 from pipeline.errors import PipelineError
+from pipeline.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,14 +42,14 @@ class Throw:
     speed: float
     """[m/s]"""
     duration_s: float
-    """After which the ball is taken away."""
+    """After this time the ball is removed [s]."""
 
 
 Event = Push | Kick | Throw
 
 
 class NoBallError(PipelineError):
-    """A ball is to be thrown in a plant without one."""
+    """A throw in a plant without a ball."""
 
     def __init__(self, plant: object):
         super().__init__(f"{type(plant).__name__} has no ball to throw; push with a force or a kick there.")
@@ -55,7 +57,7 @@ class NoBallError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class PlantState:
-    """Where a robot with J joints is and how it moves. Joints in the robot's order."""
+    """Pose and velocity of a robot with J joints, in the robot's order."""
 
     root_pos_w: Float[np.ndarray, " 3"]
     """Origin of the root link [m]."""
@@ -68,54 +70,52 @@ class PlantState:
     joint_vel: Float[np.ndarray, " j"]
 
 
-@runtime_checkable
-class Plant(Protocol):
+def standing_state(robot: Robot, ground_height: float = 0.0) -> PlantState:
+    """At rest in the default pose on the ground at a height [m]."""
+    return PlantState(
+        root_pos_w=np.array([0.0, 0.0, robot.default_root_height + ground_height]),
+        root_quat_w=rotation.IDENTITY.copy(),
+        root_lin_vel_w=np.zeros(3),
+        root_ang_vel_b=np.zeros(3),
+        joint_pos=np.array(robot.default_joint_pos),
+        joint_vel=np.zeros(len(robot.joint_names)),
+    )
+
+
+class Plant(ABC):
     """A robot on a ground in some engine. Nothing in it is random: equal calls give equal bits."""
 
     timestep_s: float
 
+    @abstractmethod
     def reset(self, state: PlantState | None = None) -> None:
-        """Restart from a state; the default pose at rest on the ground where none is given."""
-        ...
+        """Restart from a state; by default the default pose at rest on the ground."""
 
+    @abstractmethod
     def state(self) -> PlantState:
-        """A copy of the state now."""
-        ...
+        """A copy of the current state."""
 
+    @abstractmethod
     def step(self, torque: Float[np.ndarray, " j"], force_w: Float[np.ndarray, " 3"] | None = None) -> None:
         """One timestep with joint torques [N m] and a force [N] at the centre of mass of the root link."""
-        ...
 
+    @abstractmethod
     def foot_wrench_w(self) -> Float[np.ndarray, "2 6"]:
         """Force [N] and moment about the foot link's origin [N m] of the ground on the left and right foot, world
         frame, that acted at the start of the last step."""
-        ...
 
+    @abstractmethod
     def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
         """Change the velocity of the whole robot at once [m/s]; its joints' velocities stay."""
-        ...
 
-
-@runtime_checkable
-class HasAcceleration(Protocol):
-    """A plant that knows its accelerations as well."""
-
-    def acceleration(self) -> Float[np.ndarray, " v"]:
-        """Of root (world), root angular (root frame) and joints at the start of the last step."""
-        ...
-
-
-@runtime_checkable
-class ThrowsBall(Protocol):
-    """A plant that has a ball to throw at the robot."""
+    def acceleration(self) -> Float[np.ndarray, " v"] | None:
+        """Of root (world), root angular (root frame) and joints at the start of the last step; None if not known."""
+        return None
 
     def throw(self, direction_w: Float[np.ndarray, " 3"], speed: float) -> None:
-        """Send the ball against the root link along a horizontal unit direction at a speed [m/s].
-
-        Raises NoBallError.
-        """
-        ...
+        """Send a ball against the root link along a horizontal unit direction at a speed [m/s]. Raises NoBallError."""
+        raise NoBallError(self)
 
     def remove_ball(self) -> None:
-        """Take it away."""
-        ...
+        """Take the ball away. Raises NoBallError."""
+        raise NoBallError(self)

@@ -112,14 +112,12 @@ class Record:
     def rollout(self, robot: Robot, timestep_s: float) -> Rollout:
         """What was recorded so far."""
         n, k = self.steps, len(self.action)
+        steps = {name: getattr(self, name)[:n] for name in ("qpos", "qvel", "torque", "foot_wrench_w")}
         fell_s = None if self.fall_tick is None else (self.fall_tick + 1) * self.decimation * timestep_s
         return Rollout(
             robot=robot,
             timestep_s=timestep_s,
-            qpos=self.qpos[:n],
-            qvel=self.qvel[:n],
-            torque=self.torque[:n],
-            foot_wrench_w=self.foot_wrench_w[:n],
+            **steps,
             command=self.command[:k],
             target=self.target[:k],
             action=np.array(self.action),

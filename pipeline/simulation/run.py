@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
 from pipeline.deployment.task import DeploymentTask
 from pipeline.errors import PipelineError
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE
 from pipeline.robot import Robot
-from pipeline.simulation.plant import (
-    Event,
-    HasAcceleration,
-    Kick,
-    NoBallError,
-    Plant,
-    PlantState,
-    Push,
-    Throw,
-    ThrowsBall,
-)
+from pipeline.simulation.plant import Event, Kick, Plant, PlantState, Push
 from pipeline.simulation.record import Record, Rollout
 from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import PdControl
@@ -34,7 +26,39 @@ FALL_TILT_COS = 0.5
 """Cosine of the root's angle from upright (60 degrees) beyond which it has."""
 
 Command = Callable[[float], Float[np.ndarray, " 3"]]
-"""Wanted forward and lateral velocity [m/s] and yaw rate [rad/s] at a time [s]."""
+"""Commanded forward and lateral velocity [m/s] and yaw rate [rad/s] at a time [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """A segment of a walk with one commanded velocity."""
+
+    seconds: Annotated[float, POSITIVE]
+    command: tuple[float, float, float]
+    """Forward and lateral [m/s], yaw rate [rad/s]."""
+    slew: Annotated[float, NOT_NEGATIVE] = 1.0
+    """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
+
+
+def command_of(segments: Sequence[Segment]) -> Command:
+    """The command over time; each segment starts from the value that the previous one reached."""
+    starts, times = [np.zeros(3)], [0.0]
+    for segment in segments:
+        starts.append(_slewed(starts[-1], segment, segment.seconds))
+        times.append(times[-1] + segment.seconds)
+
+    def command(time_s: float) -> Float[np.ndarray, " 3"]:
+        index = min(int(np.searchsorted(times, time_s + 1e-9, side="right")), len(segments)) - 1
+        return _slewed(starts[index], segments[index], time_s - times[index])
+
+    return command
+
+
+def _slewed(start: np.ndarray, segment: Segment, time_s: float) -> np.ndarray:
+    most = segment.slew * time_s if segment.slew > 0.0 else np.inf
+    return start + np.clip(np.array(segment.command) - start, -most, most)
+
+
 GroundHeight = Callable[[float, float], float]
 """Height [m] of the ground at a place [m]."""
 
@@ -88,20 +112,20 @@ def run(
     """Restart `plant` and control it until `seconds`.
 
     Args:
-        robot: whose joints controller and plant have
+        robot: the robot of controller and plant
         plant: the physics
         controller: called for targets `task.control_hz` times a second
         motors: turn targets into torque at each timestep
         command: the command to the controller
         seconds: time of the end
-        events: what happens on the way
-        sensors: the controller's measurements of the state; exact where not given
-        start: state to start from; the plant's own where not given
-        delay_s: how late targets reach the motors
-        wrench_every: the ground's forces are read at every so manieth timestep, and kept in between
-        ground_height: falls are counted from there; 0 where not given
-        stop_on_fall: end with the control step in which the robot fell; where numbers ceased to be any, it ends anyway
-        resume_s: go on from this time with plant and controller as they are, instead of restarting; without delay
+        events: pushes, kicks and throws
+        sensors: the controller's measurements of the state; default: exact
+        start: initial state; default: the plant's own
+        delay_s: delay of the targets at the motors
+        wrench_every: foot forces are read once in so many timesteps, and kept in between
+        ground_height: height of the ground, from which falls are measured; default: 0
+        stop_on_fall: end with the control step in which the robot fell; a simulation that diverged ends anyway
+        resume_s: continue from this time with plant and controller as they are, instead of restarting; without delay
 
     Raises RateError, and NoBallError for a Throw that the plant can't do.
     """
@@ -110,12 +134,10 @@ def run(
     if resume_s is None:
         plant.reset(start)
         controller.reset()
-    lead = round(delay_s / plant.timestep_s)
-    pending = deque([controller.task.default_joint_pos.copy()] * lead)
+    pending = deque([controller.task.default_joint_pos.copy()] * round(delay_s / plant.timestep_s))
     ticks = round(seconds * controller.task.control_hz)
     first = round((resume_s or 0.0) * controller.task.control_hz)
     record = Record(first, ticks, decimation, len(robot.joint_names))
-    tells = plant if isinstance(plant, HasAcceleration) else None
     lowest = fall_height(robot)
     wrench = np.zeros((2, 6))
     for tick in range(first, ticks):
@@ -125,18 +147,15 @@ def run(
         target = controller.targets(reading.gyro_b, reading.gravity_b, wanted, reading.joint_pos, reading.joint_vel)
         record.control(tick, wanted, target, controller.last_action)
         for step in range(tick * decimation, (tick + 1) * decimation):
-            if lead:
-                pending.append(target)
-                applied = pending.popleft()
-            else:
-                applied = target
+            pending.append(target)
+            applied = pending.popleft()
             force_w = _force(events, step, plant)
             state = plant.state()
             torque = motors.torque(applied, state.joint_pos, state.joint_vel)
             plant.step(torque, force_w)
             if step % wrench_every == 0:
                 wrench = plant.foot_wrench_w()
-            record.step(step, state, torque, wrench, tells.acceleration() if tells else None)
+            record.step(step, state, torque, wrench, plant.acceleration())
         if not record.fell and has_fallen(plant.state(), lowest, ground_height):
             record.fall_tick = tick
             if stop_on_fall or not np.isfinite(plant.state().root_pos_w).all():
@@ -169,7 +188,7 @@ def has_fallen(state: PlantState, lowest: float, ground_height: GroundHeight | N
 
 
 def _force(events: Sequence[Event], step: int, plant: Plant) -> np.ndarray | None:
-    """Sum of the pushes that act in a timestep; kicks and throws are done on the way."""
+    """Sum of the pushes that act in a timestep. Kicks and throws that begin in it are applied to the plant."""
     force = None
     for event in events:
         first = round(event.start_s / plant.timestep_s)
@@ -179,15 +198,8 @@ def _force(events: Sequence[Event], step: int, plant: Plant) -> np.ndarray | Non
         elif isinstance(event, Kick):
             if step == first:
                 plant.kick(event.delta_v_w)
-        elif isinstance(event, Throw):
-            _throw(event, step - first, plant)
+        elif step == first:
+            plant.throw(event.direction_w, event.speed)
+        elif step - first == round(event.duration_s / plant.timestep_s):
+            plant.remove_ball()
     return force
-
-
-def _throw(event: Throw, since: int, plant: Plant) -> None:
-    if not isinstance(plant, ThrowsBall):
-        raise NoBallError(plant)
-    if since == 0:
-        plant.throw(event.direction_w, event.speed)
-    elif since == round(event.duration_s / plant.timestep_s):
-        plant.remove_ball()

@@ -47,14 +47,12 @@ class PerfectSensors:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNoise:
-    """Half widths of uniform noise, drawn again for each number and control step."""
+    """Half widths of uniform noise, drawn for each number and control step. Angles in rad, speeds in rad/s."""
 
     gyro: float
-    """[rad/s]"""
     gravity: float
     """Of each component of the unit vector."""
     joint_pos: float
-    """[rad]"""
     joint_vel: float
     """[rad/s]"""
 

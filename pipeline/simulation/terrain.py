@@ -7,6 +7,7 @@ when it is made.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -55,13 +56,12 @@ class Slope:
     angle_deg: float
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        _box(spec, "start", (-FAR_M, START_M), 0.0)
+        _strip(spec, "start", (-FAR_M, START_M))
         angle = math.radians(self.angle_deg)
         half = np.array([FAR_M, FAR_M, DEPTH_M]) / 2.0
         along, normal = (math.cos(angle), 0.0, math.sin(angle)), (-math.sin(angle), 0.0, math.cos(angle))
         centre = np.array([START_M, 0.0, 0.0]) + half[0] * np.array(along) - half[2] * np.array(normal)
-        quat = [math.cos(angle / 2.0), 0.0, -math.sin(angle / 2.0), 0.0]
-        spec.worldbody.add_geom(name="ramp", type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=centre, quat=quat)
+        _box(spec, "ramp", half, centre, [math.cos(angle / 2.0), 0.0, -math.sin(angle / 2.0), 0.0])
 
     def height(self, x: float, y: float) -> float:
         return max(x - START_M, 0.0) * math.tan(math.radians(self.angle_deg))
@@ -108,9 +108,7 @@ class Bump:
             middle = np.array([self.at_m + half - sign * half / 2.0, 0.0, self.rise_m / 2.0])
             normal = np.array([-sign * math.sin(angle), 0.0, math.cos(angle)])
             quat = [math.cos(angle / 2.0), 0.0, -sign * math.sin(angle / 2.0), 0.0]
-            spec.worldbody.add_geom(
-                name=f"bump_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=middle - size[2] * normal, quat=quat
-            )
+            _box(spec, f"bump_{name}", size, middle - size[2] * normal, quat)
 
     def height(self, x: float, y: float) -> float:
         half = self.width_m / 2.0
@@ -133,15 +131,15 @@ class Tiles:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         _plane(spec, self.floor_m)
         width = self.top_m.shape[1] * self.pitch_m
-        _box(spec, "start", (-FAR_M, START_M), 0.0)
-        _box(spec, "end", (START_M + len(self.top_m) * self.pitch_m, FAR_M), 0.0)
+        _strip(spec, "start", (-FAR_M, START_M))
+        _strip(spec, "end", (START_M + len(self.top_m) * self.pitch_m, FAR_M))
         half = (self.pitch_m - self.gap_m) / 2.0
         for row, column in np.ndindex(self.top_m.shape):
             x = START_M + (row + 0.5) * self.pitch_m
             y = (column + 0.5) * self.pitch_m - width / 2.0
             height = self.top_m[row, column] - self.floor_m + 0.05
             size, pos = [half, half, height / 2.0], [x, y, self.top_m[row, column] - height / 2.0]
-            spec.worldbody.add_geom(name=f"tile_{row}_{column}", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=pos)
+            _box(spec, f"tile_{row}_{column}", size, pos)
 
     def height(self, x: float, y: float) -> float:
         rows, columns = self.top_m.shape
@@ -177,8 +175,8 @@ class RoughGround:
         spec.worldbody.add_geom(
             name="rough", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="rough", pos=[START_M + half_x, 0.0, low]
         )
-        _box(spec, "start", (-FAR_M, START_M), 0.0)
-        _box(spec, "end", (START_M + 2.0 * half_x, FAR_M), 0.0)
+        _strip(spec, "start", (-FAR_M, START_M))
+        _strip(spec, "end", (START_M + 2.0 * half_x, FAR_M))
 
     def height(self, x: float, y: float) -> float:
         rows, columns = self.z_m.shape
@@ -219,18 +217,21 @@ def rough_ground(rng: np.random.Generator, *, amplitude_m: float) -> RoughGround
     return RoughGround(spacing_m=spacing, z_m=z * ramp * ramp[::-1])
 
 
-def _plane(spec: mujoco.MjSpec, z: float, quat: list[float] | None = None) -> None:
-    spec.worldbody.add_geom(
-        name="ground",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[0.0, 0.0, 0.05],
-        pos=[0.0, 0.0, z],
-        quat=quat or [1.0, 0.0, 0.0, 0.0],
-    )
+IDENTITY = [1.0, 0.0, 0.0, 0.0]
+Vector = Sequence[float] | np.ndarray
 
 
-def _box(spec: mujoco.MjSpec, name: str, along_x: tuple[float, float], top: float) -> None:
+def _plane(spec: mujoco.MjSpec, z: float, quat: Sequence[float] = IDENTITY) -> None:
+    size = [0.0, 0.0, 0.05]
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=size, pos=[0.0, 0.0, z], quat=quat)
+
+
+def _box(spec: mujoco.MjSpec, name: str, half: Vector, pos: Vector, quat: Sequence[float] = IDENTITY) -> None:
+    spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=pos, quat=quat)
+
+
+def _strip(spec: mujoco.MjSpec, name: str, along_x: tuple[float, float]) -> None:
+    """A box across the way whose top is at height 0, between two places along x [m]."""
     low, high = along_x
     half = [(high - low) / 2.0, FAR_M / 2.0, DEPTH_M / 2.0]
-    pos = [(low + high) / 2.0, 0.0, top - DEPTH_M / 2.0]
-    spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=pos)
+    _box(spec, name, half, [(low + high) / 2.0, 0.0, -DEPTH_M / 2.0])

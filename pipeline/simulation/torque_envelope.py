@@ -14,7 +14,7 @@ class TorqueEnvelope:
 
     Only a torque that drives the motion on falls with speed; one that brakes it keeps the full limit. A joint that is
     driven beyond the no-load speed from outside is braked by its motor, by the limit at most: the line continues to it.
-    This is the DC-motor form of mjlab and Isaac Lab (pipeline/actuators/forms.py).
+    This is the DC-motor form of mjlab and Isaac Lab (pipeline/actuators/adapted_robot.py).
     """
 
     limit: Float[np.ndarray, " j"]
@@ -42,12 +42,10 @@ class TorqueEnvelope:
 
 @dataclass(frozen=True, kw_only=True)
 class PdControl:
-    """kp (target - position) - kd velocity, cut to the envelope."""
+    """kp (target - position) - kd velocity, cut to the envelope; kp in N m/rad, kd in N m s/rad."""
 
     kp: Float[np.ndarray, " j"]
-    """[N m/rad]"""
     kd: Float[np.ndarray, " j"]
-    """[N m s/rad]"""
     envelope: TorqueEnvelope
 
     def torque(self, target: np.ndarray, joint_pos: np.ndarray, joint_vel: np.ndarray) -> Float[np.ndarray, " j"]:

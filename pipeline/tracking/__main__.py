@@ -1,15 +1,5 @@
 """Train a tracker: `python -m pipeline.tracking --bundle DIR --out DIR`.
 
-    --bundle DIR        robot and reference motions as plain files (the job `train_tracker` writes one into
-                        data/policies/<robot>/tracking_bundle)
-    --out DIR           folder of the run
-    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error
-    --num-envs N        environments of each GPU
-    --iterations N      of 24 control steps; with `--resume` counted from the beginning of the run
-    --minutes M         end after M minutes of training, those before a resume included
-    --seed S
-    --resume            continue from the newest checkpoint in `--out/checkpoints`; without one, start
-
 Written below `--out`: `config.json` (settings, digests, versions), `curves.csv` (one row an iteration),
 `checkpoints/model_000100.pt` (every 100 iterations and the last, read with `weights_only=True`), `tracker.npz` (the
 newest network, as rollouts read it) and, at the end, `done.json`.
@@ -28,7 +18,8 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
 
-from pipeline.learning.run_command import exit_status
+from pipeline.learning.run_command import chosen_device, exit_status
+from pipeline.tracking.bundle import read_tracking_bundle
 from pipeline.tracking.task import ITERATIONS
 
 
@@ -39,34 +30,26 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _train(given: argparse.Namespace) -> None:
-    from pipeline.learning.arguments import chosen_device  # torch and mjlab take seconds to import
-    from pipeline.tracking.bundle import read_tracking_bundle
-
     bundle, device = read_tracking_bundle(given.bundle), chosen_device(given.device)
-    from pipeline.tracking.run import TrackingRequest, TrackingRun
+    from pipeline.tracking.run import TrackingRequest, TrackingRun  # torch and mjlab take seconds to import
 
-    request = TrackingRequest(
-        out=given.out,
-        num_envs=given.num_envs,
-        device=device,
-        seed=given.seed,
-        iterations=given.iterations,
-        minutes=given.minutes,
-        resume=given.resume,
-    )
+    names = ("out", "num_envs", "seed", "iterations", "minutes", "resume")
+    request = TrackingRequest(device=device, **{name: getattr(given, name) for name in names})
     TrackingRun(bundle, request).train()
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m pipeline.tracking", description="Train a tracker.")
-    parser.add_argument("--bundle", type=Path, required=True)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--device", default="cuda")
-    parser.add_argument("--num-envs", type=int, default=4096)
-    parser.add_argument("--iterations", type=int, default=ITERATIONS)
-    parser.add_argument("--minutes", type=float)
+    parser = argparse.ArgumentParser(prog="python -m pipeline.tracking", description=__doc__)
+    bundle = "robot and reference motions as plain files; the job `train_tracker` writes them"
+    parser.add_argument("--bundle", type=Path, required=True, help=bundle)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--device", default="cuda", help="cuda, cuda:1 or cpu; cuda without a GPU is an error")
+    parser.add_argument("--num-envs", type=int, default=4096, help="environments of each GPU")
+    counted = "of 24 control steps; with --resume counted from the beginning of the run"
+    parser.add_argument("--iterations", type=int, default=ITERATIONS, help=counted)
+    parser.add_argument("--minutes", type=float, help="end after this training time, that before a resume included")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--resume", action="store_true", help="continue from the newest checkpoint, if there is one")
     return parser
 
 

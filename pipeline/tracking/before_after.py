@@ -1,4 +1,4 @@
-"""What simulation changed: the same figures of a reference and of the rollout that tracks it, and how contacts moved.
+"""What simulation changed: figures of a reference and of the rollout that tracks it, tracking errors, contacts.
 
 A reference has no torques, so saturation is the rollout's alone. Speed and drift are here because the tracking errors
 are measured at the robot's own place and heading, where a rollout that moves at another speed has none.
@@ -6,16 +6,18 @@ are measured at the robot's own place and heading, where a rollout that moves at
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
-from pipeline import time_series
+from pipeline import rotation, time_series
 from pipeline.clips.outcome import Number
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.retargeting import joint_jerk
 from pipeline.quality.sole import lowest_corner_slip, sole_motion
-from pipeline.robot import Robot
+from pipeline.robot import Kinematics, Robot
 
 ROUNDING = 1e-6
 """Relative; a motor whose torque is this near to its limit was at it throughout the control step."""
@@ -25,6 +27,40 @@ CHORD_S = 0.5
 
 MATCHED_S = 0.2
 """A touchdown of a rollout belongs to one of its reference that is at most this far away [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingError:
+    """Errors of each frame."""
+
+    body: Float[np.ndarray, " t"]
+    """Mean distance of the key links from the reference, which is moved to the robot's place and heading [m]."""
+    joint: Float[np.ndarray, " t"]
+    """Mean absolute error of the controlled joints [rad]."""
+    path: Float[np.ndarray, " t"]
+    """Horizontal distance of the root from the reference's root [m]."""
+
+
+def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> TrackingError:
+    """Error of a rollout at each frame against the same frame of its reference.
+
+    The distance is mjlab's root-relative mean per-keybody position error (`compute_root_relative_mpkpe`): the reference
+    is moved horizontally to the robot's root and turned to its heading; its height stays.
+    """
+    links, kinematics = [robot.link(name) for name in robot.key_links], Kinematics(robot)
+    here, there = (
+        kinematics.forward(each.root_pos_w, each.root_quat_w, each.joint_pos).pos_w[:, links]
+        for each in (clip, reference)
+    )
+    turn = rotation.about_z(rotation.yaw_of(clip.root_quat_w) - rotation.yaw_of(reference.root_quat_w))
+    away = rotation.rotate(turn[:, None], there - reference.root_pos_w[:, None])
+    anchor = np.concatenate([clip.root_pos_w[:, :2], reference.root_pos_w[:, 2:]], axis=1)
+    moved = robot.controlled_index
+    return TrackingError(
+        body=np.linalg.norm(here - anchor[:, None] - away, axis=2).mean(axis=1),
+        joint=np.abs(clip.joint_pos - reference.joint_pos)[:, moved].mean(axis=1),
+        path=np.linalg.norm((clip.root_pos_w - reference.root_pos_w)[:, :2], axis=1),
+    )
 
 
 def before_after(reference: RobotClip, rollout: RobotClip, robot: Robot) -> dict[str, Number]:

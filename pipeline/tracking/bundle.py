@@ -17,6 +17,7 @@ import numpy as np
 
 from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
 from pipeline.learning.training_error import TrainingError
+from pipeline.tracking.task import CONTROL_HZ
 
 SCHEMA = "booster-lab tracking bundle 1"
 CONFIG = "config.json"
@@ -39,7 +40,7 @@ class Motions:
 
     @property
     def seconds(self) -> float:
-        return len(self.root_pos_w) / 50.0
+        return len(self.root_pos_w) / CONTROL_HZ
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,15 +91,12 @@ def _motions(path: Path, robot: RobotFacts) -> Motions:
         motions = Motions(
             names=tuple(str(name) for name in arrays["clip_name"]),
             clip_start=arrays["clip_start"],
-            root_pos_w=arrays["root_pos_w"].astype(float),
-            root_quat_w=arrays["root_quat_w"].astype(float),
-            joint_pos=arrays["joint_pos"].astype(float),
+            **{name: arrays[name].astype(float) for name in ("root_pos_w", "root_quat_w", "joint_pos")},
         )
-    if motions.joint_pos.shape[1] != len(robot.joint_names):
-        raise TrainingError(
-            f"{path}: has {motions.joint_pos.shape[1]} joints, the robot {len(robot.joint_names)}. Write the bundle "
-            "again for this robot."
-        )
+    joints = motions.joint_pos.shape[1]
+    if joints != len(robot.joint_names):
+        do = "Write the bundle again for this robot."
+        raise TrainingError(f"{path}: has {joints} joints, the robot {len(robot.joint_names)}. {do}")
     if len(motions.names) == 0:
         raise TrainingError(f"{path}: has no clip to track.")
     return motions

@@ -7,17 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.simulation.plant import Push
 from pipeline.tracking.settings import DisturbanceSettings
-
-
-@dataclass(frozen=True, kw_only=True)
-class Push:
-    """A constant horizontal force on the root link for a while."""
-
-    start_s: float
-    duration_s: float
-    force_w: tuple[float, float]
-    """[N]"""
+from pipeline.tracking.task import PHYSICS_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +33,7 @@ class Disturbance:
 
     def numbers(self) -> dict[str, Any]:
         """The disturbance as a clip's numbers."""
-        impulse = max((np.hypot(*push.force_w) * push.duration_s for push in self.pushes), default=0.0)
+        impulse = max((np.hypot(*push.force_w[:2]) * push.duration_s for push in self.pushes), default=0.0)
         return {
             "pushes": len(self.pushes),
             "largest_push_n_s": round(float(impulse), 3),
@@ -49,7 +41,7 @@ class Disturbance:
             "trunk_mass": round(self.trunk_mass, 4),
             "kp_factor": round(self.kp, 4),
             "kd_factor": round(self.kd, 4),
-            "delay_s": self.delay_steps * 0.005,
+            "delay_s": self.delay_steps * PHYSICS_S,
             "start_offset_rad": round(self.start_offset, 4),
             "action_noise": round(self.action_noise, 4),
         }
@@ -60,13 +52,14 @@ NONE = Disturbance()
 
 def draw(settings: DisturbanceSettings, duration_s: float, rng: np.random.Generator) -> Disturbance:
     """A disturbance for a rollout of some length [s]."""
+    shortest, longest = (round(delay_s / PHYSICS_S) for delay_s in settings.delay_s)
     return Disturbance(
         pushes=_pushes(settings, duration_s, rng),
         friction=rng.uniform(*settings.friction),
         trunk_mass=rng.uniform(*settings.trunk_mass),
         kp=rng.uniform(*settings.gains),
         kd=rng.uniform(*settings.gains),
-        delay_steps=int(rng.integers(round(settings.delay_s[0] / 0.005), round(settings.delay_s[1] / 0.005) + 1)),
+        delay_steps=int(rng.integers(shortest, longest + 1)),
         start_offset=settings.start_offset,
         action_noise=rng.uniform(*settings.action_noise),
     )
@@ -76,13 +69,7 @@ def _pushes(settings: DisturbanceSettings, duration_s: float, rng: np.random.Gen
     pushes, time_s = [], rng.uniform(0.0, settings.push_every_s[1])
     while time_s + settings.push_s < duration_s:
         angle, impulse = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*settings.push_impulse)
-        force = impulse / settings.push_s
-        pushes.append(
-            Push(
-                start_s=float(time_s),
-                duration_s=settings.push_s,
-                force_w=(float(force * np.cos(angle)), float(force * np.sin(angle))),
-            )
-        )
+        force_w = impulse / settings.push_s * np.array([np.cos(angle), np.sin(angle), 0.0])
+        pushes.append(Push(start_s=float(time_s), duration_s=settings.push_s, force_w=force_w))
         time_s += rng.uniform(*settings.push_every_s)
     return tuple(pushes)

@@ -100,7 +100,8 @@ def environment_cfg(
     cfg.actions = {"joint_pos": ReferenceResidualCfg(entity_name="robot", joint_names=robot.controlled)}
     cfg.observations = observation_cfg()
     cfg.events = _events(robot)
-    hands = tuple(_link_of_site(robot, site) for site in robot.hands)
+    model = mujoco.MjModel.from_xml_string(robot.mjcf)
+    hands = tuple(model.body(int(model.site(site).bodyid[0])).name for site in robot.hands)
     cfg.terminations["ee_body_pos"].params["body_names"] = (*robot.foot_links, *hands)
     cfg.rewards["motion_global_root_pos"].weight = PATH_WEIGHT
     cfg.terminations["path"] = TerminationTermCfg(
@@ -168,8 +169,3 @@ def _events(robot: RobotFacts) -> dict[str, EventTermCfg]:
             params={"asset_cfg": trunk, "alpha_range": (-0.05, 0.05), "t_range": (-0.025, 0.025)},
         ),
     }
-
-
-def _link_of_site(robot: RobotFacts, site: str) -> str:
-    model = mujoco.MjModel.from_xml_string(robot.mjcf)
-    return model.body(int(model.site_bodyid[model.site(site).id])).name

@@ -66,14 +66,7 @@ def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
 def _nominal(
     clip: RobotClip, *, settings: TrackingSettings, robot: Robot, envelope: TorqueEnvelope, tracker: Path
 ) -> NominalRollout:
-    numbers = process(
-        clip, {"variant": ""}, settings=settings.nominal(), robot=robot, envelope=envelope, tracker=tracker
-    ).numbers
-    return NominalRollout(
-        clip=clip.name,
-        survived=bool(numbers["survived"]),
-        body_error_m=float(numbers["body_error_m"] or 0.0),
-        joint_error_rad=float(numbers["joint_error_rad"] or 0.0),
-        path_error_m=float(numbers["path_error_m"] or 0.0),
-        seconds=clip.duration_s,
-    )
+    needed = {"settings": settings.nominal(), "robot": robot, "envelope": envelope, "tracker": tracker}
+    numbers = process(clip, {"variant": ""}, **needed).numbers
+    errors = {name: float(numbers[name] or 0.0) for name in ("body_error_m", "joint_error_rad", "path_error_m")}
+    return NominalRollout(clip=clip.name, survived=bool(numbers["survived"]), seconds=clip.duration_s, **errors)

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.actuators import read_actuators, torque_envelope
+from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch.pool import ClipPool
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError

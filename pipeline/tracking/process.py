@@ -17,9 +17,8 @@ from pipeline.errors import ClipError
 from pipeline.robot import Robot
 from pipeline.robot.size import scaled
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.tracking.before_after import before_after
+from pipeline.tracking.before_after import before_after, tracking_error
 from pipeline.tracking.disturbance import NONE, Disturbance, draw
-from pipeline.tracking.errors import tracking_error
 from pipeline.tracking.rollout import Plant, TrackedStretch, rollout
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.task import CONTROL_HZ
@@ -145,12 +144,38 @@ class _Rollouts:
         stretches = rollout(clip, self._plant, self._tracker, settings.failure, disturbance, rng if number else None)
         return _Rollout(number=number, disturbance=disturbance, stretches=stretches)
 
-    def pieces(self, made: _Rollout, numbers: Numbers) -> list[Piece]:
-        """What is kept of a rollout, with the reference's numbers."""
-        return [
-            dataclasses.replace(piece, numbers={**numbers, **piece.numbers, **_place(piece.numbers, numbers)})
-            for piece in _pieces(self._clip, made, self._robot, self._settings)
-        ]
+    def pieces(self, made: _Rollout, reference: Numbers) -> list[Piece]:
+        """What is kept of a rollout, with the reference's numbers and its place in the clip that it is a piece of."""
+        clip, settings, stretches = self._clip, self._settings, made.stretches
+        name = f"{clip.name}~rollout{made.number or ''}"
+        complete = len(stretches) == 1 and not stretches[0].failed
+        followed = sum(stretch.stop - stretch.start for stretch in stretches) / clip.frame_count
+        pieces: list[Piece] = []
+        for stretch in stretches:
+            stop = stretch.stop - (round(settings.failure.before_s * CONTROL_HZ) if stretch.failed else 0)
+            if stop - stretch.start < settings.shortest_s * CONTROL_HZ:
+                continue
+            motion = stretch.clip.cut(0, stop - stretch.start, name if complete else f"{name}+{len(pieces)}")
+            error = tracking_error(motion, clip.cut(stretch.start, stop, clip.name), self._robot)
+            start_s = float(reference.get("stretch_start_s") or 0.0) + stretch.start / CONTROL_HZ
+            numbers = {
+                **reference,
+                "reference": clip.name,
+                "reference_frame": stretch.start,
+                "rollout": made.number,
+                "seed": settings.seed,
+                "seconds": motion.duration_s,
+                "survived": complete,
+                "followed_share": min(followed, 1.0),
+                "body_error_m": float(error.body.mean()),
+                "joint_error_rad": float(error.joint.mean()),
+                "path_error_m": float(error.path.mean()),
+                **made.disturbance.numbers(),
+                "stretch_start_s": start_s,
+                "stretch_stop_s": start_s + motion.duration_s,
+            }
+            pieces.append(Piece(clip=motion, numbers=numbers))
+        return pieces
 
 
 def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
@@ -159,41 +184,6 @@ def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
     for values in (clip.root_pos_w, clip.root_quat_w, clip.joint_pos):
         content.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
     return [seed, number, int.from_bytes(content.digest()[:8], "little")]
-
-
-def _pieces(clip: RobotClip, made: _Rollout, robot: Robot, settings: TrackingSettings) -> list[Piece]:
-    name, stretches = f"{clip.name}~rollout{made.number or ''}", made.stretches
-    complete = len(stretches) == 1 and not stretches[0].failed
-    followed = sum(stretch.stop - stretch.start for stretch in stretches) / clip.frame_count
-    pieces: list[Piece] = []
-    for stretch in stretches:
-        stop = stretch.stop - (round(settings.failure.before_s * CONTROL_HZ) if stretch.failed else 0)
-        if stop - stretch.start < settings.shortest_s * CONTROL_HZ:
-            continue
-        own = name if complete else f"{name}+{len(pieces)}"
-        motion = stretch.clip.cut(0, stop - stretch.start, own)
-        error = tracking_error(motion, clip.cut(stretch.start, stop, clip.name), robot)
-        numbers = {
-            "reference": clip.name,
-            "reference_frame": stretch.start,
-            "rollout": made.number,
-            "seed": settings.seed,
-            "seconds": motion.duration_s,
-            "survived": complete,
-            "followed_share": min(followed, 1.0),
-            "body_error_m": float(error.body.mean()),
-            "joint_error_rad": float(error.joint.mean()),
-            "path_error_m": float(error.path.mean()),
-            **made.disturbance.numbers(),
-        }
-        pieces.append(Piece(clip=motion, numbers=numbers))
-    return pieces
-
-
-def _place(piece: Numbers, reference: Numbers) -> dict[str, Number]:
-    """Where a piece begins and ends in the clip that its reference is a piece of [s]."""
-    start_s = float(reference.get("stretch_start_s") or 0.0) + float(piece["reference_frame"] or 0) / CONTROL_HZ
-    return {"stretch_start_s": start_s, "stretch_stop_s": start_s + float(piece["seconds"] or 0.0)}
 
 
 def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> dict[str, Number]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,11 +12,11 @@ from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
-from pipeline.robot.kinematics import compiled
+from pipeline.simulation.mujoco_plant import MujocoOptions, simulated_model
+from pipeline.simulation.terrain import FlatGround
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.tracking.disturbance import NONE, Disturbance
-from pipeline.tracking.observation import key_link_index, observe
-from pipeline.tracking.reference import ReferenceStates, reference_states
+from pipeline.tracking.reference import key_link_index, observe, reference_states
 from pipeline.tracking.settings import FailureSettings
 from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION, PHYSICS_S
 from pipeline.tracking.tracker import Tracker
@@ -82,16 +80,21 @@ class _World:
     def __init__(self, reference: RobotClip, plant: Plant, tracker: Tracker, disturbance: Disturbance):
         robot = plant.robot
         self._clip, self._robot, self._tracker, self._disturbance = reference, robot, tracker, disturbance
-        base = _model(robot.mjcf)
-        self._reference = reference_states(base, reference.root_pos_w, reference.root_quat_w, reference.joint_pos)
-        self._model = _disturbed(base, disturbance)
+        options = MujocoOptions(
+            timestep_s=PHYSICS_S,
+            integrator="implicitfast",
+            friction=disturbance.friction,
+            root_mass_factor=disturbance.trunk_mass,
+        )
+        self._model = simulated_model(robot, options, FlatGround())
+        motion = (reference.root_pos_w, reference.root_quat_w, reference.joint_pos)
+        self._reference = reference_states(self._model, *motion)
         self._data = mujoco.MjData(self._model)
         self._motors = PdControl(kp=disturbance.kp * robot.kp, kd=disturbance.kd * robot.kd, envelope=plant.envelope)
         self._links = 1 + key_link_index(robot.link_names, tracker.key_links)
         self._moved = np.array([robot.joint(name) for name in tracker.controlled])
-        self._feet = [int(self._model.site_bodyid[self._model.site(name).id]) for name in robot.feet]
-        ends = (*robot.hands, *robot.feet)
-        self._ends = np.array([int(self._model.site_bodyid[self._model.site(name).id]) for name in ends])
+        self._ends = self._model.site_bodyid[[self._model.site(name).id for name in (*robot.hands, *robot.feet)]]
+        self._feet = self._ends[len(robot.hands) :].tolist()
         self._joints = len(robot.joint_names)
 
     def follow(self, start: int, failure: FailureSettings, rng: np.random.Generator | None) -> TrackedStretch:
@@ -123,10 +126,8 @@ class _World:
         data.qvel[3:6] = rotation.rotate_inverse(reference.body_quat_w[frame, 0], reference.body_ang_vel_w[frame, 0])
         data.qvel[6 : 6 + joints] = reference.joint_vel[frame]
         if self._disturbance.start_offset and rng is not None:
-            offset = self._disturbance.start_offset * rng.uniform(-1.0, 1.0, len(self._moved))
-            data.qpos[7 + self._moved] += offset
-        low, high = self._robot.joint_lower, self._robot.joint_upper
-        data.qpos[7:] = np.clip(data.qpos[7:], low, high)
+            data.qpos[7 + self._moved] += self._disturbance.start_offset * rng.uniform(-1.0, 1.0, len(self._moved))
+        data.qpos[7:] = np.clip(data.qpos[7:], self._robot.joint_lower, self._robot.joint_upper)
         mujoco.mj_kinematics(self._model, data)
 
     def _act(self, frame: int, last_action: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
@@ -166,7 +167,7 @@ class _World:
         force = np.zeros(3)
         for push in self._disturbance.pushes:
             if push.start_s <= time_s < push.start_s + push.duration_s:
-                force[:2] += push.force_w
+                force += push.force_w
         return force
 
     def _failure(self, frame: int, settings: FailureSettings) -> str:
@@ -183,7 +184,8 @@ class _World:
         tilt = abs(data.xmat[1, 8] - up)
         if tilt > settings.gravity:
             return "the trunk has fallen"
-        off = np.abs((data.xpos[self._ends, 2] - data.xpos[1, 2]) - _heights(reference, frame, self._ends))
+        heights = reference.body_pos_w[frame, self._ends - 1, 2] - reference.body_pos_w[frame, 0, 2]
+        off = np.abs((data.xpos[self._ends, 2] - data.xpos[1, 2]) - heights)
         worst = int(np.argmax(off))
         if off[worst] > settings.end_height:
             link = self._model.body(int(self._ends[worst])).name
@@ -244,35 +246,10 @@ class _Record:
 
     def as_forces(self) -> SimulatedForces:
         """Forces of each frame; the last frame has no step of its own and repeats the one before."""
-        count = self._step
-        rows = [*range(count), count - 1]
+        rows = [*range(self._step), self._step - 1]
         return SimulatedForces(
             joint_torque=self._torque[rows],
             foot_wrench_w=self._wrench[rows],
             other_force_w=self._other[rows],
             push_w=self._push[rows],
         )
-
-
-def _heights(reference: ReferenceStates, frame: int, bodies: np.ndarray) -> np.ndarray:
-    return reference.body_pos_w[frame, bodies - 1, 2] - reference.body_pos_w[frame, 0, 2]
-
-
-@functools.lru_cache(maxsize=4)
-def _model(mjcf: str) -> mujoco.MjModel:
-    """The robot on a plane, as mjlab's tracking task steps it."""
-    model = compiled(mjcf, ground=True, timestep=PHYSICS_S)
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # a simulation that diverges would otherwise start again in the default pose and count as one that never fell
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    return model
-
-
-def _disturbed(base: mujoco.MjModel, disturbance: Disturbance) -> mujoco.MjModel:
-    model = copy.copy(base)
-    model.geom_friction[:, 0] = disturbance.friction
-    if disturbance.trunk_mass != 1.0:
-        model.body_mass[1] *= disturbance.trunk_mass
-        model.body_inertia[1] *= disturbance.trunk_mass
-        mujoco.mj_setConst(model, mujoco.MjData(model))
-    return model

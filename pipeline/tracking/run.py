@@ -49,6 +49,9 @@ class LoggedEnvironment(RslRlVecEnvWrapper):
 
     def __init__(self, env):
         super().__init__(env)
+        self._clear()
+
+    def _clear(self) -> None:
         self._sums: dict[str, float] = {}
         self._counts: dict[str, int] = {}
         self._reward, self._steps, self._ended, self._failed = 0.0, 0, 0.0, 0.0
@@ -78,8 +81,7 @@ class LoggedEnvironment(RslRlVecEnvWrapper):
         for name in ("error_body_pos", "error_joint_pos", "error_anchor_pos"):
             key = f"Metrics/motion/{name}"
             figures[name] = float(self._sums[key]) / self._counts[key] if key in self._sums else float("nan")
-        self._sums, self._counts = {}, {}
-        self._reward, self._steps, self._ended, self._failed = 0.0, 0, 0.0, 0.0
+        self._clear()
         return figures
 
 
@@ -162,10 +164,8 @@ class TrackingRun:
         try:
             self.runner.alg.load(state, None, strict=True)
         except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
-            first = str(error).splitlines()[0]
-            raise TrainingError(
-                f"{path}: is of another network or robot and can't be resumed ({first}). Give another --out."
-            ) from error
+            problem = f"is of another network or robot and can't be resumed ({str(error).splitlines()[0]})"
+            raise TrainingError(f"{path}: {problem}. Give another --out.") from error
         self.iteration = int(state["iteration"])
         self.env.unwrapped.common_step_counter = int(state["environment_steps"])
 
@@ -185,9 +185,12 @@ class TrackingRun:
         self._curves.add(row)
         if self.iteration % 10 == 0 or self.iteration < 10:
             self._curves.write()
-        left = _time_left(self.request, self.iteration, seconds, took)
+        left_s = (self.request.iterations - self.iteration) * took
+        if self.request.minutes is not None:
+            left_s = min(left_s, 60.0 * self.request.minutes - seconds)
+        left = f"{max(left_s, 0.0) / 60.0:.1f} min left"
         print(
-            f"iteration {self.iteration} of {self.request.iterations}, {seconds:.0f} s, {left} left: "
+            f"iteration {self.iteration} of {self.request.iterations}, {seconds:.0f} s, {left}: "
             f"reward {row['reward']:.4f}, episodes {row['episode_s']:.1f} s, "
             f"failures {row['failures_per_min']:.2f}/min, body error {100 * row['error_body_pos']:.1f} cm, "
             f"deviation {row['action_std']:.2f}, {row['steps_per_s']:.0f} steps/s",
@@ -215,12 +218,8 @@ class TrackingRun:
 
 def runner_cfg() -> dict[str, Any]:
     """rsl_rl's configuration: mjlab's PPO settings for tracking, with less exploration around a reference."""
-    network = {
-        "class_name": "MLPModel",
-        "hidden_dims": [512, 256, 128],
-        "activation": "elu",
-        "obs_normalization": True,
-    }
+    layers = [512, 256, 128]
+    network = {"class_name": "MLPModel", "hidden_dims": layers, "activation": "elu", "obs_normalization": True}
     noise = {"class_name": "GaussianDistribution", "init_std": 0.6, "std_type": "scalar"}
     return {
         "num_steps_per_env": STEPS,
@@ -247,10 +246,3 @@ def runner_cfg() -> dict[str, Any]:
             "symmetry_cfg": None,
         },
     }
-
-
-def _time_left(request: TrackingRequest, iteration: int, seconds: float, took: float) -> str:
-    left = (request.iterations - iteration) * took
-    if request.minutes is not None:
-        left = min(left, 60.0 * request.minutes - seconds)
-    return f"{max(left, 0.0) / 60.0:.1f} min"

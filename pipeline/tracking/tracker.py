@@ -63,13 +63,11 @@ def _read(path: Path, changed_ns: int) -> Tracker:
         raise_fault_of_disk(error)
         raise FileError(path, f"is no tracker ({error}).", "Train one: python -m pipeline.tracking --help.") from error
     if texts["observation"] != OBSERVATION or scale != ACTION_SCALE:
-        raise FileError(
-            path, "was trained with another observation or action scale than this version's.", "Train it again."
-        )
+        problem = "was trained with another observation or action scale than this version's."
+        raise FileError(path, problem, "Train it again.")
+    mean, scale = policy.mean.astype(np.float32), policy.scale.astype(np.float32)
     single = tuple((weight.astype(np.float32), bias.astype(np.float32)) for weight, bias in policy.layers)
-    network = dataclasses.replace(
-        policy, mean=policy.mean.astype(np.float32), scale=policy.scale.astype(np.float32), layers=single
-    )
+    network = dataclasses.replace(policy, mean=mean, scale=scale, layers=single)
     return Tracker(
         robot=" ".join(texts["robot"]),
         network=network,
@@ -81,10 +79,11 @@ def _read(path: Path, changed_ns: int) -> Tracker:
 
 def _checked(path: Path, tracker: Tracker, robot: Robot) -> Tracker:
     cure = f"Train a tracker for '{robot.name}' with a GPU: start its job train_tracker in dagster dev."
+    joints = robot.joint_names
     if tracker.robot != robot.name:
         raise FileError(path, f"the tracker is for another robot than '{robot.name}': '{tracker.robot}'.", cure)
-    if tracker.gains.joint_names != robot.joint_names:
-        unknown = [name for name in tracker.gains.joint_names if name not in robot.joint_names]
+    if tracker.gains.joint_names != joints:
+        unknown = [name for name in tracker.gains.joint_names if name not in joints]
         differs = f"joints {', '.join(unknown)}" if unknown else "another joint set or order"
         raise FileError(path, f"the tracker is for another robot than '{robot.name}' ({differs}).", cure)
     if tracker.key_links != robot.key_links or tracker.controlled != robot.controlled:
@@ -94,19 +93,11 @@ def _checked(path: Path, tracker: Tracker, robot: Robot) -> Tracker:
         off = ~np.isclose(given, expected, rtol=1e-6, atol=1e-9)
         if off.any():
             joint = int(np.flatnonzero(off)[0])
-            raise FileError(
-                path,
-                f"the tracker was trained with {name} {given[joint]:g} at '{robot.joint_names[joint]}', the robot has "
-                f"{expected[joint]:g}.",
-                cure,
-            )
-    expected_size = observation_size(len(robot.joint_names), len(robot.key_links), len(robot.controlled))
+            trained = f"the tracker was trained with {name} {given[joint]:g} at '{joints[joint]}'"
+            raise FileError(path, f"{trained}, the robot has {expected[joint]:g}.", cure)
     sizes = (tracker.network.observation_size, tracker.network.action_size)
-    if sizes != (expected_size, len(robot.controlled)):
-        raise FileError(
-            path,
-            f"the network takes {sizes[0]} numbers and gives {sizes[1]}; the robot needs {expected_size} and "
-            f"{len(robot.controlled)}.",
-            cure,
-        )
+    needed = (observation_size(len(joints), len(robot.key_links), len(robot.controlled)), len(robot.controlled))
+    if sizes != needed:
+        problem = f"the network takes {sizes[0]} numbers and gives {sizes[1]}; the robot needs {needed[0]} and"
+        raise FileError(path, f"{problem} {needed[1]}.", cure)
     return tracker

@@ -49,9 +49,7 @@ def read_card(folder: Path) -> TrackerCard:
         value = read_json(path, "a card of a tracker", "Write the folder again.")
         if value.pop("schema") != SCHEMA:
             raise ValueError("another schema")
-        card = TrackerCard(
-            **{**value, "clips": tuple(value["clips"]), "licences": tuple(value["licences"])},
-        )
+        card = TrackerCard(**{**value, "clips": tuple(value["clips"]), "licences": tuple(value["licences"])})
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(path, f"is no card of a tracker ({error}).", "Write the folder again.") from error
     for name, expected in card.files.items():
@@ -76,15 +74,10 @@ class Trained:
 def write_tracker_folder(
     folder: Path, trained: Trained, figures: dict[str, float], made: dict[str, str]
 ) -> TrackerCard:
-    """Copy network and curves of a training run to a folder and write its card.
+    """Copy network and curves of a training run to `folder` and write its card.
 
-    Args:
-        folder: where to
-        trained: the run
-        figures: of the nominal rollouts of its clips
-        made: `command` and `commit`
-
-    Raises FileError where the run lacks a file.
+    `figures` are those of the nominal rollouts of its clips, `made` is `command` and `commit`. Raises FileError where
+    the run lacks a file.
     """
     run, bundle = trained.run, trained.bundle
     for name in (NETWORK, CURVES, CONFIG):
@@ -96,11 +89,7 @@ def write_tracker_folder(
     last = dict(zip(head.split(","), rows[-1].split(","), strict=True))
     training = {
         **made,
-        "seed": config["seed"],
-        "num_envs": config["num_envs"],
-        "processes": config["processes"],
-        "device": config["device"],
-        "versions": config["versions"],
+        **{name: config[name] for name in ("seed", "num_envs", "processes", "device", "versions")},
         "bundle": config["bundle_digest"],
         "robot_digest": bundle["robot_digest"],
         "seconds_of_motion": bundle["seconds"],

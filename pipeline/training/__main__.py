@@ -28,8 +28,7 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
 
-from pipeline.learning.arguments import chosen_device, pairs
-from pipeline.learning.run_command import exit_status
+from pipeline.learning.run_command import chosen_device, exit_status, pairs
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.config import DEFAULT, PAPER, RECIPE, changed_by_texts, preset
 

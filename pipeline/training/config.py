@@ -176,7 +176,7 @@ class DiscriminatorConfig:
         "paper: by MotionWeight alone",
     )
     use_augmented: bool = option(
-        True, "use mirrored, time-scaled and perturbed clips", "yes/no", "augmentation_ablation"
+        True, "use mirrored, time-scaled and perturbed clips", "yes/no", "benchmarks/ablation.py"
     )
 
 

@@ -16,16 +16,14 @@ import mujoco
 import numpy as np
 
 from pipeline.deployment.policy import CAPS
+from pipeline.deployment.task import ACTION_SCALE, HISTORY
 from pipeline.files.npz import read_npz_header
-from pipeline.training.rotors import put_rotors_on_links
 
 STEP_S, CONTROL_EVERY = 0.002, 10
 MEASURE_S = 6.0
 """Time at the end of a walk that is measured [s]."""
 FORCE_S = 0.1
-HISTORY, ACTION_SCALE = 10, 0.25
 MAX_TILT_COS = 0.5
-SATURATED = 0.999
 AIR_S = 0.04
 """A touchdown ends a swing of at least this long [s]."""
 START_NOISE = 0.02
@@ -36,13 +34,8 @@ START_NOISE = 0.02
 class Walk:
     """One trial."""
 
-    cell: str
-    """Name of the cell that the trial belongs to."""
     command: tuple[float, float, float]
     seconds: float = 10.0
-    friction: float = 1.0
-    rotors: float = 0.0
-    """Share of the rotors' inertia that is on the links (`rotors.py`)."""
     push: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Impulse forward and to the left in the world [N s], and when [s]."""
     seed: int = 0
@@ -59,23 +52,16 @@ def robot_of(bundle: Path) -> dict[str, Any]:
     facts["stall"] = np.where(known, stall, 1e3 * facts["effort_limit"])
     facts["no_load"] = np.where(known, no_load, 1e6)
     facts["policy_index"] = np.array([facts["joint_names"].index(name) for name in facts["policy_joints"]])
-    facts["legs"] = np.array([facts["joint_names"].index(name) for name in facts["leg_joints"]])
     return facts
 
 
 @functools.lru_cache(maxsize=8)
-def model_of(bundle: Path, friction: float, rotors: float = 0.0) -> mujoco.MjModel:
-    """The robot on a plane; the soles' friction is the ground's, a share of the rotors' inertia is on the links."""
+def model_of(bundle: Path) -> mujoco.MjModel:
+    """The robot on a plane."""
     spec = mujoco.MjSpec.from_string((bundle / "robot.xml").read_text())
     spec.option.timestep = STEP_S
-    ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05])
-    ground.friction[0] = friction
-    model = spec.compile()
-    for name in robot_of(bundle)["shapes"]["feet"]:
-        model.geom(name).friction[0] = friction
-    if rotors:
-        put_rotors_on_links(model, rotors)
-    return model
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])
+    return spec.compile()
 
 
 class Network:
@@ -114,7 +100,7 @@ class World:
 
     def __init__(self, bundle: Path, network: Network, walk: Walk):
         self.facts, self.network, self.walk = robot_of(bundle), network, walk
-        self.model = model_of(bundle, walk.friction, walk.rotors)
+        self.model = model_of(bundle)
         self.data = mujoco.MjData(self.model)
         self.rest = self.facts["default_joint_pos"]
         self.kp, self.kd = network.gains or (self.facts["kp"], self.facts["kd"])
@@ -123,8 +109,7 @@ class World:
         self.data.qpos[7:] = self.rest + noise
         mujoco.mj_forward(self.model, self.data)
         self.root = self.model.body(self.facts["root_link"]).id
-        self.feet = [self.model.site(name).id for name in self.facts["feet"]]
-        self.foot_bodies = [int(self.model.site_bodyid[foot]) for foot in self.feet]
+        self.foot_bodies = [int(self.model.site(name).bodyid[0]) for name in self.facts["feet"]]
         index = self.facts["policy_index"]
         self._history = np.zeros((HISTORY, 9 + 3 * len(index)), dtype=np.float32)
         self._action, self.target = np.zeros(len(index)), self.rest.copy()
@@ -196,50 +181,36 @@ def walked(bundle: Path, policy: Path, digest: str, walk: Walk) -> dict[str, flo
 
 
 class Notes:
-    """What is written down of a walk: effort at each physics step, the rest at each control step."""
+    """What is written down of a walk: power at each physics step, the rest at each control step."""
 
     def __init__(self, world: World):
         self._world, self._rows = world, []
-        self._effort: list[tuple[float, float]] = []
-        self._feet_before: np.ndarray | None = None
+        self._power: list[float] = []
 
     def add_effort(self, torque: np.ndarray) -> None:
-        """Power and saturation of the legs with these torques."""
-        world = self._world
-        low, high = world.bounds()
-        saturated = (torque >= SATURATED * np.abs(high)) | (torque <= -SATURATED * np.abs(low))
-        power = float(np.abs(torque * world.data.qvel[6:]).sum())
-        self._effort.append((power, float(saturated[world.facts["legs"]].mean())))
+        """Power of the joints with these torques."""
+        self._power.append(float(np.abs(torque * self._world.data.qvel[6:]).sum()))
 
     def add(self) -> None:
         """The state."""
         world, data = self._world, self._world.data
         rotation = data.xmat[world.root].reshape(3, 3)
-        feet = data.site_xpos[world.feet][:, :2].copy()
-        moved = np.full(2, np.nan) if self._feet_before is None else np.linalg.norm(feet - self._feet_before, axis=1)
-        self._feet_before = feet
         heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
-        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved])
+        self._rows.append([heading, *data.qvel[:2], *world.touching()])
 
     def figures(self) -> dict[str, float]:
         """Means over the recorded time."""
         table = np.array(self._rows, dtype=float)
-        x, y, heading, vx, vy = table[:, :5].T
-        touch, moved = table[:, 5:7] > 0.0, table[:, 7:9]
-        power, saturated = np.mean(self._effort, axis=0)
+        heading, vx, vy = table[:, :3].T
+        touch = table[:, 3:] > 0.0
         cos, sin = np.cos(heading), np.sin(heading)
         control_s = STEP_S * CONTROL_EVERY
         turned = np.unwrap(heading)
-        stands = touch[1:] & touch[:-1]
-        slip = moved[1:][stands].mean() / control_s if stands.any() else 0.0
         return {
             "forward": float((vx * cos + vy * sin).mean()),
             "lateral": float((vy * cos - vx * sin).mean()),
             "yaw_rate": float((turned[-1] - turned[0]) / ((len(table) - 1) * control_s)),
-            "power": float(power),
-            "saturation": 100.0 * float(saturated),
-            "slip": float(slip),
-            "drift": float(np.hypot(x[-1] - x[0], y[-1] - y[0])),
+            "power": float(np.mean(self._power)),
             "steps_per_min": 60.0 * sum(_set_down(touch[:, foot], control_s) for foot in (0, 1)) / MEASURE_S,
         }
 

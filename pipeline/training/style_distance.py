@@ -110,7 +110,7 @@ def style_distances(
         for policy in policies:
             found[str(policy)][speed] = []
             for seed in seeds:
-                walk = Walk(cell="", command=(speed, 0.0, 0.0), seed=seed)
+                walk = Walk(command=(speed, 0.0, 0.0), seed=seed)
                 walked = walked_features(bundle, policy, walk)
                 starts = np.arange(len(walked) - (WINDOW - 1) * STRIDE)
                 distance = energy_distance(windows_of(walked, starts, normalize), sets[0])

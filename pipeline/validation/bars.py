@@ -7,9 +7,9 @@ where no policy walks on the robot yet.
 
 from __future__ import annotations
 
-import dataclasses
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -191,18 +191,10 @@ def scaled_to(rules: R, robot: Robot) -> R:
     def factor(unit: str) -> float:
         return SCALES[unit].factor(*ratios) if unit in SCALES else 1.0
 
-    margins = {
-        name: dataclasses.replace(each, absolute=factor(each.unit) * each.absolute)
-        for name, each in rules.margins.items()
-    }
-    tolerances: dict[str, Tolerance] = vars(rules.agreement)
-    agreement = Agreement(
-        **{
-            name: dataclasses.replace(each, at_most=factor(each.unit) * each.at_most)
-            for name, each in tolerances.items()
-        }
-    )
-    return dataclasses.replace(rules, calibrated_on=size, margins=margins, agreement=agreement)
+    margins = {name: replace(each, absolute=factor(each.unit) * each.absolute) for name, each in rules.margins.items()}
+    kinds: dict[str, Tolerance] = vars(rules.agreement)
+    tolerances = {name: replace(each, at_most=factor(each.unit) * each.at_most) for name, each in kinds.items()}
+    return replace(rules, calibrated_on=size, margins=margins, agreement=Agreement(**tolerances))
 
 
 def read_validation(rules: Path, bars: Path) -> ValidationSettings:
@@ -240,8 +232,19 @@ def bar_of(name: str, worst: float, trials: str, margins: dict[str, Margin]) -> 
     return Bar(unit=FIGURES[name].unit, source=source, **side)
 
 
-def missed(errors: dict[str, float], sizes: dict[str, float], required: Required) -> list[str]:
-    """A reason for each tracking figure whose error is too large for a command of this size."""
+Velocity = tuple[float, float, float]
+"""Forward and lateral [m/s], yaw rate [rad/s]."""
+
+
+def command_errors(command: Velocity, reached: Velocity) -> dict[str, float]:
+    """How far a walk is from its command: `speed_error` [m/s] and `yaw_rate_error` [rad/s]."""
+    speed_error = math.hypot(reached[0] - command[0], reached[1] - command[1])
+    return {"speed_error": speed_error, "yaw_rate_error": abs(reached[2] - command[2])}
+
+
+def missed(errors: dict[str, float], command: Velocity, required: Required) -> list[str]:
+    """A reason for each tracking figure whose error is too large for the command."""
+    sizes = command_errors(command, (0.0, 0.0, 0.0))
     return [
         f"the reference misses the command by {error:.2f} {FIGURES[name].unit}"
         for name, error in errors.items()
@@ -258,7 +261,6 @@ def _failures(one: Measured, required: Required) -> list[str]:
         return [] if survival >= required.survival else [f"the reference survives {survival:.2f} of it"]
     if one.fallen:
         return [f"the reference falls in {len(one.fallen)} of {len(one.trials)}"]
-    command = one.cell.trials[0].command.last
-    sizes = {"speed_error": (command.forward**2 + command.lateral**2) ** 0.5, "yaw_rate_error": abs(command.yaw_rate)}
-    errors = {name: error for name in sizes if name in names and (error := one.figure(name)) is not None}
-    return missed(errors, sizes, required)
+    tracking = [name for name in ("speed_error", "yaw_rate_error") if name in names]
+    errors = {name: error for name in tracking if (error := one.figure(name)) is not None}
+    return missed(errors, one.cell.trials[0].command.last.goal, required)

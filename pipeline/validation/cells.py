@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from pipeline.simulation.sensors import SensorNoise
 from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, Start, Trial, VelocityCommand
@@ -27,28 +27,23 @@ class Cell:
     trials: tuple[Trial, ...]
 
 
-def command_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
+def command_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     """The 16 commands of the published sweep, each slewed from standing."""
-    seeds = tuple(seeds)
     forward = [VelocityCommand(forward=value) for value in (-0.6, -0.3, 0.0, 0.3, 0.6, 1.0, 1.5, 2.0)]
     lateral = [VelocityCommand(lateral=value) for value in (-0.6, -0.3, 0.3, 0.6)]
     turning = [VelocityCommand(yaw_rate=value) for value in (-1.5, -1.0, 1.0, 1.5)]
     return tuple(_steady(name_of(each), "commands", each, seeds) for each in (*forward, *lateral, *turning))
 
 
-def turning_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
+def turning_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     """Walking on a curve in both directions, so that the heading covers a full turn."""
-    seeds = tuple(seeds)
-    curves = [
-        VelocityCommand(forward=speed, yaw_rate=rate)
-        for speed, rate in ((0.6, 0.8), (0.6, -0.8), (1.0, 0.5), (1.0, -0.5))
-    ]
+    pairs = ((0.6, 0.8), (0.6, -0.8), (1.0, 0.5), (1.0, -0.5))
+    curves = [VelocityCommand(forward=speed, yaw_rate=rate) for speed, rate in pairs]
     return tuple(_steady(f"curve {name_of(each)}", "turning", each, seeds) for each in curves)
 
 
-def step_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
+def step_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     """Commands that change suddenly."""
-    seeds = tuple(seeds)
     jumps = {
         "step 0 to 1.0": (VelocityCommand(forward=1.0),),
         "step 0 to 2.0": (VelocityCommand(forward=2.0),),
@@ -66,9 +61,8 @@ def step_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
     )
 
 
-def switch_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
+def switch_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     """Sequences of walking, running, standing and turning, with rate-limited commands."""
-    seeds = tuple(seeds)
     walk, run, stand = {"forward": 0.6}, {"forward": 2.0}, {}
     courses = {
         "walk run stand": (walk, run, stand),
@@ -92,19 +86,14 @@ def switch_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
 def start_cells(count: int) -> tuple[Cell, ...]:
     """Starts perturbed as far as by a push or by a person's hands."""
     wide = Start(joint_pos=0.15, joint_vel=1.0, lin_vel=0.3, ang_vel=0.5, tilt=0.1)
-    pairs = (("standing", VelocityCommand()), ("walking", VelocityCommand(forward=0.6)))
-    return tuple(
-        Cell(
-            name=f"start perturbed {name}",
-            group="starts",
-            figures=SURVIVING,
-            trials=tuple(
-                Trial(seed=seed, command=CommandProfile(commands=(command,)), seconds=5.0, measure_s=3.0, start=wide)
-                for seed in range(1, count + 1)
-            ),
+    cells = []
+    for name, command in (("standing", VelocityCommand()), ("walking", VelocityCommand(forward=0.6))):
+        trials = tuple(
+            Trial(seed=seed, command=CommandProfile(commands=(command,)), seconds=5.0, measure_s=3.0, start=wide)
+            for seed in range(1, count + 1)
         )
-        for name, command in pairs
-    )
+        cells.append(Cell(name=f"start perturbed {name}", group="starts", figures=SURVIVING, trials=trials))
+    return tuple(cells)
 
 
 def name_of(command: VelocityCommand) -> str:
@@ -113,13 +102,8 @@ def name_of(command: VelocityCommand) -> str:
     return " ".join(f"{name} {value:+.1f}" for name, value in parts.items() if value) or "stand"
 
 
-def steady_cell(name: str, group: str, command: VelocityCommand, seeds: Iterable[int], conditions: Conditions) -> Cell:
-    """A cell of one constant command under given conditions."""
-    return _steady(name, group, command, tuple(seeds), conditions)
-
-
 def _steady(
-    name: str, group: str, command: VelocityCommand, seeds: tuple[int, ...], conditions: Conditions | None = None
+    name: str, group: str, command: VelocityCommand, seeds: Sequence[int], conditions: Conditions | None = None
 ) -> Cell:
     return _cell(name, group, (command,), seeds, seconds=COMMAND_S, measure_s=MEASURE_S, conditions=conditions)
 
@@ -128,7 +112,7 @@ def _cell(
     name: str,
     group: str,
     commands: tuple[VelocityCommand, ...],
-    seeds: tuple[int, ...],
+    seeds: Sequence[int],
     *,
     seconds: float,
     measure_s: float | None = None,
@@ -136,22 +120,15 @@ def _cell(
     conditions: Conditions | None = None,
 ) -> Cell:
     """The last command is measured, by default from 3 s after it starts."""
-    stands = commands[-1].goal == (0.0, 0.0, 0.0)
-    return Cell(
-        name=name,
-        group=group,
-        figures=STANDING if stands else TRACKING,
-        trials=tuple(
-            Trial(
-                seed=seed,
-                command=CommandProfile(commands=commands, slew=slew),
-                seconds=seconds,
-                measure_s=commands[-1].start_s + 3.0 if measure_s is None else measure_s,
-                conditions=conditions or Conditions(),
-            )
-            for seed in seeds
-        ),
+    trial = Trial(
+        seed=0,
+        command=CommandProfile(commands=commands, slew=slew),
+        seconds=seconds,
+        measure_s=commands[-1].start_s + 3.0 if measure_s is None else measure_s,
+        conditions=conditions or Conditions(),
     )
+    figures = STANDING if commands[-1].goal == (0.0, 0.0, 0.0) else TRACKING
+    return Cell(name=name, group=group, figures=figures, trials=tuple(replace(trial, seed=seed) for seed in seeds))
 
 
 NOISE = SensorNoise(gyro=0.1, gravity=0.02, joint_pos=0.01, joint_vel=0.5)
@@ -180,36 +157,27 @@ TERRAINS: dict[str, tuple[GroundSpec, float]] = {
 TERRAIN_FIGURES = ("falls", "speed_error")
 
 
-def terrain_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
+def terrain_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     """Each terrain, walked over for 12 s; random terrain differs by seed."""
-    seeds, cells = tuple(seeds), []
+    command = CommandProfile(commands=(VelocityCommand(forward=0.6),))
+    cells = []
     for name, (ground, friction) in TERRAINS.items():
-        trials = [
-            Trial(
-                seed=seed,
-                command=CommandProfile(commands=(VelocityCommand(forward=0.6),)),
-                seconds=12.0,
-                measure_s=4.0,
-                conditions=Conditions(friction=friction, ground=_seeded(ground, seed)),
-            )
-            for seed in seeds
-        ]
+        trials = []
+        for seed in seeds:
+            drawn = replace(ground, seed=seed) if ground.kind in ("gravel", "stones", "rough") else ground
+            conditions = Conditions(friction=friction, ground=drawn)
+            trials.append(Trial(seed=seed, command=command, seconds=12.0, measure_s=4.0, conditions=conditions))
         cells.append(Cell(name=f"terrain {name}", group="terrain", figures=TERRAIN_FIGURES, trials=tuple(trials)))
     return tuple(cells)
 
 
-def _seeded(ground: GroundSpec, seed: int) -> GroundSpec:
-    random = ground.kind in ("gravel", "stones", "rough")
-    return GroundSpec(kind=ground.kind, size=ground.size, seed=seed if random else 0)
-
-
-def condition_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
+def condition_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     """Forward at 1 m/s and turning at 1 rad/s under each condition."""
-    seeds, cells = tuple(seeds), []
-    for name, conditions in _conditions().items():
-        for command, word in ((VelocityCommand(forward=1.0), "vx +1.0"), (VelocityCommand(yaw_rate=1.0), "yaw +1.0")):
-            cells.append(steady_cell(f"{name} {word}", "conditions", command, seeds, conditions))
-    return tuple(cells)
+    return tuple(
+        _steady(f"{name} {name_of(command)}", "conditions", command, seeds, conditions)
+        for name, conditions in _conditions().items()
+        for command in (VelocityCommand(forward=1.0), VelocityCommand(yaw_rate=1.0))
+    )
 
 
 def _conditions() -> dict[str, Conditions]:
@@ -220,3 +188,16 @@ def _conditions() -> dict[str, Conditions]:
         **{f"trunk mass x{value:g}": Conditions(root_mass_factor=value) for value in (0.8, 1.2)},
         **{f"gains x{value:g}": Conditions(gain_factor=value) for value in (0.9, 1.1)},
     }
+
+
+def unpushed_cells(seeds: Sequence[int], starts: int) -> tuple[Cell, ...]:
+    """All cells without a push."""
+    return (
+        *command_cells(seeds),
+        *turning_cells(seeds),
+        *step_cells(seeds),
+        *switch_cells(seeds),
+        *start_cells(starts),
+        *terrain_cells(seeds),
+        *condition_cells(seeds),
+    )

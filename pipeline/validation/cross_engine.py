@@ -17,7 +17,15 @@ import numpy as np
 
 from pipeline.batch import ClipPool
 from pipeline.files import settings as settings_files
-from pipeline.validation.bars import UNKNOWN, Agreement, CellBars, Tolerance, ValidationSettings, scaled_to
+from pipeline.validation.bars import (
+    UNKNOWN,
+    Agreement,
+    CellBars,
+    Tolerance,
+    ValidationSettings,
+    command_errors,
+    scaled_to,
+)
 from pipeline.validation.cross_engine_walk import (
     BRIDGE,
     DART,
@@ -29,6 +37,7 @@ from pipeline.validation.cross_engine_walk import (
     walk_cell,
 )
 from pipeline.validation.deployed import Deployed
+from pipeline.validation.verdict import CellOutcome, SuiteOutcome
 
 NAMES = {"mujoco": "MuJoCo", "bridge": "MuJoCo with the armature on the links", "dart": "DART"}
 HELD = (MUJOCO, DART)
@@ -43,28 +52,14 @@ COMPARED = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellResult:
-    """A cell in every engine, one entry per seed."""
+class CellResult(CellOutcome):
+    """A cell in every engine, one entry per seed; the reasons are sentences."""
 
     name: str
-    bars: CellBars
     figures: dict[str, tuple[Figures, ...]]
     """By engine."""
-    reasons: tuple[str, ...]
-    """Everything that fails, whether or not the cell is required."""
     explained: tuple[str, ...] = ()
     """Differences of MuJoCo and DART that come from the armature on the links: bridge and DART agree."""
-
-    @property
-    def required(self) -> bool:
-        return self.bars.required
-
-    @property
-    def word(self) -> str:
-        """`passed`, `failed` or `not required`."""
-        if not self.required:
-            return "not required"
-        return "failed" if self.reasons else "passed"
 
     def survival(self, engine: str) -> float:
         """Share of the seeds that did not fall."""
@@ -77,32 +72,12 @@ class CellResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrossEngineResult:
+class CrossEngineResult(SuiteOutcome[CellResult]):
     """The matrix of cells and engines, with its verdict."""
 
     robot: str
     """Its name."""
-    cells: tuple[CellResult, ...]
     robot_digest: str = ""
-    robot_of_bars: str = ""
-    """Digest of the robot that the bars were derived on."""
-    note: str = ""
-    """Note if the bars belong to another robot than the evaluated one; otherwise empty."""
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Reasons of the required cells."""
-        return tuple(reason for cell in self.cells if cell.required for reason in cell.reasons)
-
-    @property
-    def passed(self) -> bool:
-        """Whether no required cell has a reason; False without any required cell."""
-        return not self.reasons and any(cell.required for cell in self.cells)
-
-    @property
-    def failed_cells(self) -> tuple[CellResult, ...]:
-        """Required cells that fail."""
-        return tuple(cell for cell in self.cells if cell.required and cell.reasons)
 
     @property
     def not_required(self) -> dict[str, str]:
@@ -192,11 +167,7 @@ def cross_engine(
 
 def errors_of(cell: Cell, figures: Figures) -> dict[str, float]:
     """How far a walk is from the cell's last command: `speed_error` [m/s] and `yaw_rate_error` [rad/s]."""
-    forward, lateral, yaw_rate = cell.segments[-1].command
-    return {
-        "speed_error": math.hypot(figures.forward_m_s - forward, figures.lateral_m_s - lateral),
-        "yaw_rate_error": abs(figures.yaw_rate_rad_s - yaw_rate),
-    }
+    return command_errors(cell.command, figures.velocity)
 
 
 def _wrong(name: str, cell: Cell, asked: CellBars, figures: dict[str, tuple[Figures, ...]]) -> Iterator[str]:
@@ -207,16 +178,15 @@ def _wrong(name: str, cell: Cell, asked: CellBars, figures: dict[str, tuple[Figu
         too_many = count > 0 and (falls is None or not falls.holds(float(count)))
         for seed, one in enumerate(figures[engine]):
             where = f"cell '{name}' seed {seed} in {NAMES[engine]}"
-            if one.fell:
-                if too_many:
-                    yield f"{where}: fell after {one.fell_s:.2f} s"
-            else:
+            if one.fell and too_many:
+                yield f"{where}: fell after {one.fell_s:.2f} s"
+            elif not one.fell:
                 yield from (f"{where}: {problem}" for problem in off_command(cell, asked, one))
 
 
 def off_command(cell: Cell, asked: CellBars, figures: Figures) -> Iterator[str]:
     """Deviations from the command beyond the bars, for a walk without a fall."""
-    forward, lateral, yaw_rate = cell.segments[-1].command
+    forward, lateral, yaw_rate = cell.command
     texts = {
         "speed_error": f"walks {figures.forward_m_s:.2f}, {figures.lateral_m_s:.2f} m/s for {forward:g}, {lateral:g}",
         "yaw_rate_error": f"turns {figures.yaw_rate_rad_s:.2f} rad/s for {yaw_rate:g}",
@@ -240,34 +210,24 @@ def differences(name: str, figures: dict[str, tuple[Figures, ...]], agreement: A
     if not both:
         return []
     stood = {engine: each for engine, each in figures.items() if not any(each[seed].fell for seed in both)}
+    means = {
+        engine: {name: float(np.mean([getattr(each[seed], name) for seed in both])) for name, _, _ in COMPARED}
+        for engine, each in stood.items()
+    }
+    speed = math.hypot(means[MUJOCO]["forward_m_s"], means[MUJOCO]["lateral_m_s"])
     found = []
-    for figure, (bar, what, unit) in _tolerances(figures, both, agreement).items():
-        mean = {engine: float(np.mean([getattr(each[s], figure) for s in both])) for engine, each in stood.items()}
-        difference = mean[DART] - mean[MUJOCO]
-        if abs(difference) > bar:
-            text = (
-                f"cell '{name}': {what} {mean[MUJOCO]:.3f} {unit} in MuJoCo and {mean[DART]:.3f} in DART, "
-                f"{abs(difference):.3f} apart, allowed is {bar:.3f}{_attribution(mean)}"
-            )
+    for figure, kind, what in COMPARED:
+        tolerance: Tolerance = getattr(agreement, kind)
+        bar, mean = tolerance.of(speed), {engine: each[figure] for engine, each in means.items()}
+        difference = abs(mean[DART] - mean[MUJOCO])
+        if difference > bar:
+            engines = f"{mean[MUJOCO]:.3f} {tolerance.unit} in MuJoCo and {mean[DART]:.3f} in DART"
+            text = f"cell '{name}': {what} {engines}, {difference:.3f} apart, allowed is {bar:.3f}"
+            if BRIDGE in mean:
+                model, contact = mean[BRIDGE] - mean[MUJOCO], mean[DART] - mean[BRIDGE]
+                text += f" ({model:+.3f} from the armature on the links, {contact:+.3f} from contact and solver)"
             found.append((text, BRIDGE in mean and abs(mean[DART] - mean[BRIDGE]) <= bar))
     return found
-
-
-def _tolerances(
-    figures: dict[str, tuple[Figures, ...]], seeds: list[int], agreement: Agreement
-) -> dict[str, tuple[float, str, str]]:
-    """Tolerance, name and unit of each compared figure."""
-    ours = figures[MUJOCO]
-    speed = math.hypot(*(np.mean([getattr(ours[s], name) for s in seeds]) for name in ("forward_m_s", "lateral_m_s")))
-    kinds: dict[str, Tolerance] = vars(agreement)
-    return {figure: (kinds[kind].of(speed), what, kinds[kind].unit) for figure, kind, what in COMPARED}
-
-
-def _attribution(mean: dict[str, float]) -> str:
-    if BRIDGE not in mean:
-        return ""
-    model, contact = mean[BRIDGE] - mean[MUJOCO], mean[DART] - mean[BRIDGE]
-    return f" ({model:+.3f} from the armature on the links, {contact:+.3f} from contact and solver)"
 
 
 def _finite(value: Any) -> Any:

@@ -53,13 +53,10 @@ def missed_by(cell: CellResult, engine: str, seed: int, settings: Cell) -> tuple
         fallen = float(sum(each.fell for each in cell.figures[engine]))
         missed: dict[str, dict[str, Any]] = {"falls": {"got": fallen, "from_s": one.fell_s, "until_s": one.fell_s}}
     else:
-        end_s = sum(segment.seconds for segment in settings.segments)
-        reached = one.forward_m_s, one.lateral_m_s, one.yaw_rate_rad_s
-        span = {"from_s": end_s - settings.measured_s, "until_s": end_s}
-        errors = errors_of(settings, one)
+        span = {"from_s": settings.seconds - settings.measured_s, "until_s": settings.seconds}
         missed = {
-            name: {"got": error, **span, **off_most(name, settings.segments[-1].command, reached)}
-            for name, error in errors.items()
+            name: {"got": error, **span, **off_most(name, settings.command, one.velocity)}
+            for name, error in errors_of(settings, one).items()
         }
     found = []
     for name, each in missed.items():

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.dart.plant import DartPlant
@@ -16,9 +15,9 @@ from pipeline.deployment import DeploymentTask
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, POSITIVE, Range, check
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant, bridge_plant
-from pipeline.simulation.plant import Plant, PlantState, Push
+from pipeline.simulation.plant import Plant, PlantState, Push, standing_state
 from pipeline.simulation.record import Rollout
-from pipeline.simulation.run import Command, run
+from pipeline.simulation.run import Segment, command_of, run
 from pipeline.validation.deployed import Deployed
 
 LONGEST_TIMESTEP_S = 0.02
@@ -37,17 +36,6 @@ class SimulationSettings:
     """Half width of the other starts' joint positions about the default pose [rad]."""
     start_yaw: float
     """Half width of their heading [rad]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Segment:
-    """A segment with one commanded velocity."""
-
-    seconds: Annotated[float, POSITIVE]
-    command: tuple[float, float, float]
-    """Forward and lateral [m/s], yaw rate [rad/s]."""
-    slew: Annotated[float, NOT_NEGATIVE] = 1.0
-    """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,23 +61,25 @@ class Cell:
         check(_beyond(self))
 
     @property
+    def command(self) -> tuple[float, float, float]:
+        """The command that is measured."""
+        return self.segments[-1].command
+
+    @property
     def seconds(self) -> float:
         return sum(segment.seconds for segment in self.segments)
 
 
 def _beyond(cell: Cell) -> list[tuple[str, str]]:
     """Faults: measured time longer than the last segment, a push after the end."""
-    segments, measured_s, push = cell.segments, cell.measured_s, cell.push
-    if not segments:
+    if not cell.segments:
         return [("segments", "is empty, allowed is at least one")]
-    faults, last_s, whole_s = [], segments[-1].seconds, sum(each.seconds for each in segments)
-    if measured_s > last_s:
-        faults.append(("measured_s", f"is {measured_s:g}, allowed is at most the last segment's {last_s:g} s"))
-    if push is not None and push.start_s + push.duration_s > whole_s + 1e-9:
-        end_s = push.start_s + push.duration_s
-        faults.append(
-            ("push.start_s", f"is {push.start_s:g}, its end at {end_s:g} s is after the cell's {whole_s:g} s")
-        )
+    faults, last_s, push = [], cell.segments[-1].seconds, cell.push
+    if cell.measured_s > last_s:
+        faults.append(("measured_s", f"is {cell.measured_s:g}, allowed is at most the last segment's {last_s:g} s"))
+    if push is not None and (end_s := push.start_s + push.duration_s) > cell.seconds + 1e-9:
+        problem = f"is {push.start_s:g}, its end at {end_s:g} s is after the cell's {cell.seconds:g} s"
+        faults.append(("push.start_s", problem))
     return faults
 
 
@@ -125,15 +115,20 @@ class Figures:
     def fell(self) -> bool:
         return self.fell_s is not None
 
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """Forward and lateral [m/s], yaw rate [rad/s]."""
+        return self.forward_m_s, self.lateral_m_s, self.yaw_rate_rad_s
 
-def make_plant(engine: str, deployed: Deployed, settings: SimulationSettings) -> Plant:
+
+def make_plant(engine: str, deployed: Deployed, timestep_s: float, friction: float) -> Plant:
     """The plant of an engine, with the deployment's armature if it differs from the robot's."""
     robot = deployed.robot
     if deployed.armature is not None:
         robot = dataclasses.replace(robot, armature=deployed.armature)
     if engine == DART:
-        return DartPlant(robot, settings.timestep_s, settings.friction)
-    options = MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction, armature=robot.armature)
+        return DartPlant(robot, timestep_s, friction)
+    options = MujocoOptions(timestep_s=timestep_s, friction=friction, armature=robot.armature)
     return bridge_plant(robot, options) if engine == BRIDGE else MujocoPlant(robot, options)
 
 
@@ -143,20 +138,15 @@ def walk_cell(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: 
 
 
 def walk(
-    deployed: Deployed,
-    engine: str,
-    cell: Cell,
-    seed: int,
-    settings: SimulationSettings,
-    stop_on_fall: bool = True,
+    deployed: Deployed, engine: str, cell: Cell, seed: int, settings: SimulationSettings, stop_on_fall: bool = True
 ) -> Rollout:
     """Rollout of one cell, engine and seed."""
     robot = deployed.robot
     start = start_state(robot, deployed.task, seed, settings)
-    events = [] if cell.push is None else [_push(cell, start)]
+    events = [] if cell.push is None else [_push(cell.push, start)]
     return run(
         robot,
-        make_plant(engine, deployed, settings),
+        make_plant(engine, deployed, settings.timestep_s, settings.friction),
         deployed.controller(),
         deployed.motors(),
         command_of(cell.segments),
@@ -175,40 +165,15 @@ def start_state(robot: Robot, task: DeploymentTask, seed: int, settings: Simulat
     wide = settings.start_joint_pos if seed else 0.0
     joint_pos = task.default_joint_pos + rng.uniform(-wide, wide, len(robot.joint_names))
     yaw = float(rng.uniform(-1.0, 1.0)) * settings.start_yaw if seed else 0.0
-    return PlantState(
-        root_pos_w=np.array([0.0, 0.0, robot.default_root_height]),
-        root_quat_w=rotation.about_z(yaw),
-        root_lin_vel_w=np.zeros(3),
-        root_ang_vel_b=np.zeros(3),
-        joint_pos=np.clip(joint_pos, robot.joint_lower, robot.joint_upper),
-        joint_vel=np.zeros(len(robot.joint_names)),
-    )
-
-
-def command_of(segments: Sequence[Segment]) -> Command:
-    """The command over time; each segment starts from the value that the previous one reached."""
-    starts, goals, slews, times = [np.zeros(3)], [], [], [0.0]
-    for segment in segments:
-        goal = np.array(segment.command)
-        goals.append(goal)
-        slews.append(segment.slew)
-        starts.append(_slewed(starts[-1], goal, segment.slew, segment.seconds))
-        times.append(times[-1] + segment.seconds)
-
-    def command(time_s: float) -> Float[np.ndarray, " 3"]:
-        index = min(int(np.searchsorted(times, time_s + 1e-9, side="right")) - 1, len(goals) - 1)
-        return _slewed(starts[index], goals[index], slews[index], time_s - times[index])
-
-    return command
+    joint_pos = np.clip(joint_pos, robot.joint_lower, robot.joint_upper)
+    return dataclasses.replace(standing_state(robot), root_quat_w=rotation.about_z(yaw), joint_pos=joint_pos)
 
 
 def figures_of(rollout: Rollout, measured_s: float) -> Figures:
     """Means over the end of a rollout."""
     if rollout.fell:
-        nan = float("nan")
-        return Figures(
-            fell_s=rollout.fell_s, forward_m_s=nan, lateral_m_s=nan, yaw_rate_rad_s=nan, height_m=nan, power_w=nan
-        )
+        means = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m", "power_w")
+        return Figures(fell_s=rollout.fell_s, **dict.fromkeys(means, math.nan))
     last = slice(len(rollout.qpos) - round(measured_s / rollout.timestep_s), None)
     quat_w, qvel = rollout.qpos[last, 3:7], rollout.qvel[last]
     velocity = rotation.rotate_inverse(rotation.about_z(rotation.yaw_of(quat_w)), qvel[:, :3]).mean(axis=0)
@@ -223,12 +188,6 @@ def figures_of(rollout: Rollout, measured_s: float) -> Figures:
     )
 
 
-def _slewed(start: np.ndarray, goal: np.ndarray, slew: float, time_s: float) -> np.ndarray:
-    most = slew * time_s if slew > 0.0 else np.inf
-    return start + np.clip(goal - start, -most, most)
-
-
-def _push(cell: Cell, start: PlantState) -> Push:
-    assert cell.push is not None
-    impulse_w = rotation.rotate(start.root_quat_w, np.array([*cell.push.impulse, 0.0]))
-    return Push(start_s=cell.push.start_s, duration_s=cell.push.duration_s, force_w=impulse_w / cell.push.duration_s)
+def _push(push: PushSettings, start: PlantState) -> Push:
+    impulse_w = rotation.rotate(start.root_quat_w, np.array([*push.impulse, 0.0]))
+    return Push(start_s=push.start_s, duration_s=push.duration_s, force_w=impulse_w / push.duration_s)

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.actuators import read_actuators, read_standing_pose, torque_envelope
-from pipeline.actuators.adapted_robot import TABLE
+from pipeline.actuators.adapted_robot import TABLE, read_actuators, torque_envelope
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy_task
 from pipeline.errors import FileError, PipelineError
 from pipeline.robot import Robot, load_robot

@@ -74,11 +74,10 @@ def write_numbers(path: Path, one: Deployed, measured: Sequence[Measured]) -> No
 def read_numbers(path: Path, one: Deployed, cells: Sequence[Cell]) -> dict[str, Measured]:
     """The cells that the file contains, by name."""
     known = _read(path)
-    entries = {cell.name: (cell, known.get(cell_digest(one, cell))) for cell in cells}
     return {
-        name: Measured(cell=cell, trials=tuple(found["trials"]))
-        for name, (cell, found) in entries.items()
-        if found is not None
+        cell.name: Measured(cell=cell, trials=tuple(found["trials"]))
+        for cell in cells
+        if (found := known.get(cell_digest(one, cell)))
     }
 
 
@@ -109,16 +108,10 @@ HEADER = """\
 
 def derive(path: Path, one: Deployed, found: dict[str, dict[str, CellBars]], command: str) -> None:
     """Write parts of a robot's bars, derived from the reference policy. A file that is there keeps its other parts."""
-    bars = settings.read(path, RobotBars) if path.is_file() else None
-    ankle_kd = bars.reference.ankle_kd if bars else ()
-    reference = Reference(policy=policy_digest(one.policy), robot=one.robot.digest, ankle_kd=ankle_kd, command=command)
+    bars = settings.read(path, RobotBars) if path.is_file() else _no_bars(one)
+    reference = dataclasses.replace(_no_bars(one).reference, ankle_kd=bars.reference.ankle_kd, command=command)
     left = [part for part in PARTS if part not in found]
-    if bars is None:
-        atomic.write_text(
-            path, text_of(RobotBars(reference=reference, **{part: found.get(part, {}) for part in PARTS}))
-        )
-        return
-    if left and reference != dataclasses.replace(bars.reference, command=command):
+    if path.is_file() and left and reference != dataclasses.replace(bars.reference, command=command):
         problem = f"its {', '.join(left)} are of another policy or robot, and would stay beside the new bars."
         raise FileError(path, problem, "Derive all parts.")
     atomic.write_text(path, text_of(dataclasses.replace(bars, reference=reference, **found)))
@@ -155,19 +148,17 @@ def stand_in_walks(damped: Sequence[Deployed], folder: Path, plan: WebotsSetting
             project = write_project(Path(place), source, one.task, one.envelope, one.policy, plan)
             outcome = run_stand_in(engine, project, plan)
         if outcome.result is not None:
-            walks[f"the {engine} stand-in, ankle kd {float(one.task.kd[_ankle(one)]):g}"] = outcome.result
+            ankle_kd = float(one.task.kd[legs_of(one.robot).all_ankles[0]])
+            walks[f"the {engine} stand-in, ankle kd {ankle_kd:g}"] = outcome.result
         elif outcome.status != NOT_RUN:
             raise FileError(project.world, f"the {engine} stand-in {outcome.status}: {outcome.reason}.")
     return walks
 
 
 def _no_bars(one: Deployed) -> RobotBars:
+    """What is known of a robot's bars before any is derived."""
     reference = Reference(policy=policy_digest(one.policy), robot=one.robot.digest, ankle_kd=(), command="")
     return RobotBars(reference=reference, cells={}, engines={}, webots={}, limit_cycles={})
-
-
-def _ankle(one: Deployed) -> int:
-    return legs_of(one.robot).all_ankles[0]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -181,11 +172,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         file = given.file or ROBOTS / given.robot.resolve().name / FILE
-        kept = settings.read(file, RobotBars) if file.is_file() else None
         one, pool = deployed(given.robot, load_policy(given.policy)), ClipPool(workers=given.workers)
         rules = scaled_to(settings.read(RULES, ValidationRules), one.robot)
-        damped = [with_ankle_kd(one, kd) for kd in kept.reference.ankle_kd] if kept else []
-        damped = damped or [one]
+        kept = settings.read(file, RobotBars) if file.is_file() else _no_bars(one)
+        damped = [with_ankle_kd(one, kd) for kd in kept.reference.ankle_kd] or [one]
         found = {}
         if CELLS in given.parts:
             cells = full(one.robot)
@@ -193,7 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found[CELLS] = derived(runs, rules.margins, rules.required)
         if ENGINES in given.parts:
             grid = settings.read(GRID, CrossEngineSettings)
-            unjudged = ValidationSettings(**vars(rules), **vars(kept or _no_bars(one)))
+            unjudged = ValidationSettings(**vars(rules), **vars(kept))
             walked = [cross_engine(each, grid, unjudged, pool=pool) for each in damped]
             found[ENGINES] = engine_bars(walked, grid, rules)
         if WEBOTS in given.parts:

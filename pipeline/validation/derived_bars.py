@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
-from pipeline.validation.bars import Agreement, Bar, CellBars, Required, ValidationRules, bar_of, missed
+from pipeline.validation.bars import Agreement, Bar, CellBars, ValidationRules, bar_of, command_errors, missed
 from pipeline.validation.cross_engine import HELD, NAMES, CellResult, CrossEngineResult, differences, errors_of
 from pipeline.validation.cross_engine_walk import Cell, CrossEngineSettings
 from pipeline.validation.limit_cycle_walks import ENGINES as CYCLE_ENGINES
@@ -31,10 +30,8 @@ def _engine_cell_bars(same: Sequence[CellResult], cell: Cell, rules: ValidationR
     falls = max(sum(one.fell for one in found.figures[engine]) for found in same for engine in HELD)
     bars: dict[str, Bar] = {"falls": bar_of("falls", float(falls), walked, rules.margins)}
     bars |= {name: bar_of(name, value, walked, rules.margins) for name, value in worst.items()}
-    forward, lateral, yaw_rate = cell.segments[-1].command
-    sizes = {"speed_error": math.hypot(forward, lateral), "yaw_rate_error": abs(yaw_rate)}
     reasons = [reason for found in same for reason in _engine_failures(found, rules.agreement)]
-    reasons += missed(worst, sizes, rules.required)
+    reasons += missed(worst, cell.command, rules.required)
     return CellBars(required=not reasons, why="; ".join(dict.fromkeys(reasons)), bars=bars)
 
 
@@ -69,17 +66,13 @@ def _speed_bars(same: Sequence[SpeedCycles], rules: ValidationRules) -> CellBars
     names = compared[0] if compared else {}
     worst = {name: max(value for each in compared for value in each[name].values()) for name in names}
     reasons = [f"the reference: {text}" for found in same for text in found.missing if text.startswith(CYCLE_ENGINES)]
-    reasons += _parted(worst, rules.required)
+    apart = worst.get("period_difference", 0.0)
+    if apart > rules.required.period_difference:
+        engines = " and ".join(CYCLE_ENGINES)
+        reasons.append(f"the reference's period differs by {100.0 * apart:.0f} % between {engines}")
     legs = f"{len(compared)} legs"
     bars = {name: bar_of(name, value, legs, rules.margins) for name, value in worst.items()}
     return CellBars(required=not reasons, why="; ".join(reasons), bars=bars)
-
-
-def _parted(worst: dict[str, float], required: Required) -> list[str]:
-    apart = worst.get("period_difference", 0.0)
-    if apart <= required.period_difference:
-        return []
-    return [f"the reference's period differs by {100.0 * apart:.0f} % between {' and '.join(CYCLE_ENGINES)}"]
 
 
 def allowed_of(bars: Mapping[str, CellBars]) -> dict[str, Allowed]:
@@ -97,31 +90,20 @@ def webots_bars(
     walks: Mapping[str, WalkResult], settings: WebotsSettings, rules: ValidationRules
 ) -> dict[str, CellBars]:
     """Bars of each segment from one walk per engine, `walks` by the engine's name."""
-    found = {}
-    for place, segment in enumerate(settings.segments):
-        rows = {engine: result.segments[place] for engine, result in walks.items()}
-        found[segment.name] = _segment_bars(segment, rows, rules)
-    return found
+    return {
+        segment.name: _segment_bars(segment, {engine: walk.segments[place] for engine, walk in walks.items()}, rules)
+        for place, segment in enumerate(settings.segments)
+    }
 
 
 def _segment_bars(segment: WalkSegment, rows: Mapping[str, WalkedSegment], rules: ValidationRules) -> CellBars:
     reasons = [f"the reference falls in {engine}" for engine, row in rows.items() if not row.walked]
-    errors = [_segment_errors(segment, row) for row in rows.values() if row.walked]
+    errors = [command_errors(segment.command, row.velocity) for row in rows.values() if row.walked]
     worst = {name: max(each[name] for each in errors) for name in errors[0]} if errors else {}
-    forward, lateral, yaw_rate = segment.command
-    sizes = {"speed_error": math.hypot(forward, lateral), "yaw_rate_error": abs(yaw_rate)}
-    reasons += missed(worst, sizes, rules.required)
+    reasons += missed(worst, segment.command, rules.required)
     trials = f"its walks in {'; '.join(rows)}"
     bars = {name: bar_of(name, value, trials, rules.margins) for name, value in worst.items()}
     return CellBars(required=not reasons, why="; ".join(reasons), bars=bars)
-
-
-def _segment_errors(segment: WalkSegment, row: WalkedSegment) -> dict[str, float]:
-    forward, lateral, yaw_rate = (float(each or 0.0) for each in (row.forward_m_s, row.lateral_m_s, row.yaw_rate_rad_s))
-    return {
-        "speed_error": math.hypot(forward - segment.command[0], lateral - segment.command[1]),
-        "yaw_rate_error": abs(yaw_rate - segment.command[2]),
-    }
 
 
 def _at_most(cell: CellBars, figure: str) -> float:

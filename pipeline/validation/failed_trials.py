@@ -24,7 +24,7 @@ from pipeline.validation.cells import Cell
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.figures import FIGURES, Numbers, most_saturated
 from pipeline.validation.trial import Trial
-from pipeline.validation.verdict import CellVerdict, Reason, Verdict
+from pipeline.validation.verdict import CellVerdict, Verdict
 from pipeline.validation.walk import Worlds, walk
 from pipeline.virtual_robot.record import record
 
@@ -50,7 +50,7 @@ def write_failed_trials(one: Deployed, verdict: Verdict, folder: Path) -> tuple[
 
 def failed_trial(worlds: Worlds, cell: CellVerdict) -> tuple[Rollout, RobotLog]:
     """The worst trial of a cell, repeated to its end even after a fall, with its log."""
-    one, trial = worlds.one, worst_trial(cell)
+    one, (trial, _) = worlds.one, worst_trial(cell)
     rollout = walk(worlds, trial, stop_on_fall=False)
     reasons = "; ".join(map(str, cell.reasons))
     notes = {CELL_NOTE: cell.measured.cell.name, "reasons": reasons[:LONGEST_NOTE], "seed": str(trial.seed)}
@@ -65,9 +65,10 @@ def failed_trial(worlds: Worlds, cell: CellVerdict) -> tuple[Rollout, RobotLog]:
     return rollout, record(rollout, gains * one.task.kp, gains * one.task.kd, facts, rng)
 
 
-def worst_trial(cell: CellVerdict) -> Trial:
-    """The first trial that fell; without a fall, the worst in the first figure that misses its bar."""
-    return cell.measured.cell.trials[_worst(cell)]
+def worst_trial(cell: CellVerdict) -> tuple[Trial, Numbers]:
+    """The first trial that fell, else the worst in the first figure that misses its bar; and its numbers."""
+    place = _worst(cell)
+    return cell.measured.cell.trials[place], cell.measured.trials[place]
 
 
 def _worst(cell: CellVerdict) -> int:
@@ -85,29 +86,21 @@ def missed_by(cell: CellVerdict, rollout: Rollout, envelope: TorqueEnvelope) -> 
 
     Bars that only other trials missed are in the reasons only; implausible values are left out.
     """
-    trial, numbers = worst_trial(cell), cell.measured.trials[_worst(cell)]
+    trial, numbers = worst_trial(cell)
     found = []
     for reason in cell.reasons:
-        if reason.figure in OF_FALLS:
-            measured = (
-                {"got": reason.got, "from_s": numbers["fell_s"], "until_s": numbers["fell_s"]}
-                if numbers["fell"]
-                else {}
-            )
-        elif not numbers["fell"] and not cell.bars.bars[reason.figure].holds(numbers[reason.figure]):
+        bar = cell.bars.bars[reason.figure]
+        measured: dict[str, Any] = {}
+        if numbers["fell"]:
+            if reason.figure in OF_FALLS:
+                measured = {"got": reason.got, "from_s": numbers["fell_s"], "until_s": numbers["fell_s"]}
+        elif reason.figure not in OF_FALLS and not bar.holds(numbers[reason.figure]):
             measured = _measured(reason.figure, numbers, trial, rollout, envelope)
-        else:
-            measured = {}
-        with suppress(ValueError):
-            found += [_missed(cell, reason, measured)] if measured else []
+        if measured:
+            asked = bar.at_most if bar.at_most is not None else bar.at_least
+            with suppress(ValueError):
+                found.append(MissedBar(cell=reason.cell, figure=reason.figure, asked=asked or 0.0, **measured))
     return tuple(found)
-
-
-def _missed(cell: CellVerdict, reason: Reason, measured: dict[str, Any]) -> MissedBar:
-    bar = cell.bars.bars[reason.figure]
-    asked = bar.at_most if bar.at_most is not None else bar.at_least
-    assert asked is not None
-    return MissedBar(cell=reason.cell, figure=reason.figure, asked=asked, **measured)
 
 
 def _measured(name: str, numbers: Numbers, trial: Trial, rollout: Rollout, envelope: TorqueEnvelope) -> dict[str, Any]:
@@ -166,19 +159,14 @@ def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path]) -> tuple[P
 
 def _is_of(path: Path, one: Deployed) -> bool:
     """Whether a file was written by `write_failed_trials` for this policy and robot, under its own name."""
-    facts = _facts_of(path)
-    if facts is None or not facts.simulated:
-        return False
-    cell = facts.notes.get(CELL_NOTE, "")
-    mine = facts.robot == one.robot.name and facts.policy_digest == digest(one.policy)
-    return mine and "engine" not in facts.notes and path == log_path(path.parent, cell)
-
-
-def _facts_of(path: Path) -> LogFacts | None:
-    """The facts in a log's metadata; None if the file is not a log."""
     reader = McapReader(path, LogReport(path=path), Bounds())
     with suppress(LogError, OSError):
         for _ in reader.read():
             break
     stated = reader.metadata.get(METADATA)
-    return stated_facts(stated, None).facts if stated else None
+    facts = stated_facts(stated, None).facts if stated else None
+    if facts is None or not facts.simulated:
+        return False
+    cell = facts.notes.get(CELL_NOTE, "")
+    mine = facts.robot == one.robot.name and facts.policy_digest == digest(one.policy)
+    return mine and "engine" not in facts.notes and path == log_path(path.parent, cell)

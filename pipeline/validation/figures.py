@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cells import Cell
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.trial import Trial, VelocityCommand
+from pipeline.validation.trial import Trial
 from pipeline.validation.walk import Branches, Worlds, prefix_of
 
 CLIP_HZ = 100.0
@@ -38,12 +39,7 @@ class Figure:
 FIGURES = {
     each.name: each
     for each in (
-        Figure(
-            name="falls",
-            unit="trials",
-            lower_is_better=True,
-            definition="root below 66 % of its height in the default pose, or tilt > 60 deg",
-        ),
+        Figure(name="falls", unit="trials", lower_is_better=True, definition="root too low, or tilt > 60 deg"),
         Figure(name="survival", unit="share", lower_is_better=False, definition="trials that do not fall"),
         Figure(name="speed_error", unit="m/s", lower_is_better=True, definition="length of mean velocity less command"),
         Figure(name="yaw_rate_error", unit="rad/s", lower_is_better=True, definition="mean yaw rate less command"),
@@ -54,9 +50,7 @@ FIGURES = {
         Figure(name="steps", unit="steps", lower_is_better=True, definition="feet set down"),
         Figure(name="shape_distance", unit="of its size", lower_is_better=True, definition="between limit cycles"),
         Figure(name="period_difference", unit="share", lower_is_better=True, definition="of strides in two engines"),
-        Figure(
-            name="amplitude_difference", unit="share", lower_is_better=True, definition="hip or knee in two engines"
-        ),
+        Figure(name="amplitude_difference", unit="share", lower_is_better=True, definition="hip or knee, two engines"),
     )
 }
 
@@ -79,29 +73,22 @@ def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numb
         "forward": velocity.forward_m_s,
         "lateral": velocity.lateral_m_s,
         "yaw_rate": velocity.yaw_rate_rad_s,
-        "speed_error": _speed_error(velocity.forward_m_s, velocity.lateral_m_s, command),
+        "speed_error": np.hypot(velocity.forward_m_s - command.forward, velocity.lateral_m_s - command.lateral),
         "yaw_rate_error": abs(velocity.yaw_rate_rad_s - command.yaw_rate),
         "slip": lowest_corner_slip(sole_motion(clip, rollout.robot), contacts).mean,
-        "drift": float(np.hypot(*moved)),
-        "steps": float((contacts[1:] & ~contacts[:-1]).sum()),
+        "drift": np.hypot(*moved),
+        "steps": (contacts[1:] & ~contacts[:-1]).sum(),
         **_effort(rollout, measure_s, envelope),
     }
     return {name: float(value) for name, value in numbers.items()}
-
-
-def _speed_error(forward: float, lateral: float, command: VelocityCommand) -> float:
-    return float(np.hypot(forward - command.forward, lateral - command.lateral))
 
 
 def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Numbers:
     """Power of all joints and torque saturation of the leg joints."""
     taken = slice(round(measure_s / rollout.timestep_s), None)
     torque, speed = rollout.torque[taken], rollout.qvel[taken, 6:]
-    reached = at_envelope(torque, speed, envelope)
-    return {
-        "power": float(np.abs(torque * speed).sum(axis=1).mean()),
-        "saturation": 100.0 * float(reached[:, np.array(legs_of(rollout.robot).all)].mean()),
-    }
+    saturated = at_envelope(torque, speed, envelope)[:, np.array(legs_of(rollout.robot).all)]
+    return {"power": np.abs(torque * speed).sum(axis=1).mean(), "saturation": 100.0 * float(saturated.mean())}
 
 
 def at_envelope(
@@ -156,27 +143,20 @@ class Measured:
         values = self.values(name)
         if not values:
             return {}
-        return {
-            "mean": float(np.mean(values)),
-            "std": float(np.std(values)),
-            "min": min(values),
-            "max": max(values),
-        }
+        return {"mean": float(np.mean(values)), "std": float(np.std(values)), "min": min(values), "max": max(values)}
 
 
 def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) -> tuple[Measured, ...]:
     """Run all trials of all cells. The numbers do not depend on the distribution over processes."""
-    jobs = [(number, trial) for number, cell in enumerate(cells) for trial in cell.trials]
+    jobs = [(number, place) for number, cell in enumerate(cells) for place in range(len(cell.trials))]
+    trials = {(number, place): cells[number].trials[place] for number, place in jobs}
     # keep trials that share a prefix together: models are compiled and prefixes simulated once per process
-    jobs.sort(key=lambda job: prefix_of(job[1]))
+    jobs.sort(key=lambda job: prefix_of(trials[job]))
     chunks = [jobs[first : first + CHUNK] for first in range(0, len(jobs), CHUNK)]
-    found: dict[tuple[int, int], Numbers] = {}
-    calls = [(one, tuple(trial for _, trial in chunk)) for chunk in chunks]
-    for chunk, numbers in zip(chunks, (pool or ClipPool()).map(measure_trials, calls), strict=True):
-        for (number, trial), each in zip(chunk, numbers, strict=True):
-            found[number, id(trial)] = each
+    calls = [(one, tuple(trials[job] for job in chunk)) for chunk in chunks]
+    found = dict(zip(jobs, itertools.chain(*(pool or ClipPool()).map(measure_trials, calls)), strict=True))
     return tuple(
-        Measured(cell=cell, trials=tuple(found[number, id(trial)] for trial in cell.trials))
+        Measured(cell=cell, trials=tuple(found[number, place] for place in range(len(cell.trials))))
         for number, cell in enumerate(cells)
     )
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
-from pipeline.dart.plant import DartPlant
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
+from pipeline.robot.description import SIDES
 from pipeline.robot.legs import legs_of
-from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.plant import Plant
 from pipeline.simulation.run import run
 from pipeline.validation.bars import UNKNOWN, CellBars
+from pipeline.validation.cross_engine_walk import make_plant
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.limit_cycles import (
     PLANES,
@@ -29,7 +28,6 @@ from pipeline.validation.limit_cycles import (
     limit_cycle,
 )
 
-SIDES = ("left", "right")
 ENGINES = ("MuJoCo", "DART")
 """The first is the reference for the others."""
 
@@ -53,18 +51,10 @@ class SpeedCycles:
 
     def rows(self) -> list[dict[str, Any]]:
         """One row per cycle."""
+        names = ("cycles", "period_s", "period_std_s", "hip_amplitude_rad", "knee_amplitude_rad", "spread_rad")
         return [
-            {
-                "speed_m_s": self.speed_m_s,
-                "record": name,
-                "cycles": each.cycles,
-                "period_s": each.period_s,
-                "period_std_s": each.period_std_s,
-                "hip_amplitude_rad": each.hip_amplitude_rad,
-                "knee_amplitude_rad": each.knee_amplitude_rad,
-                "spread_rad": each.spread_rad,
-            }
-            for name, each in self.cycles.items()
+            {"speed_m_s": self.speed_m_s, "record": record, **{name: getattr(cycle, name) for name in names}}
+            for record, cycle in self.cycles.items()
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -126,9 +116,9 @@ def _at_speed(
             except NoCycleError as error:
                 missing.append(str(error))
     comparisons = tuple(
-        compare(cycles[f"{ENGINES[0]} {side}"], other)
+        compare(reference, other)
         for side in SIDES
-        if f"{ENGINES[0]} {side}" in cycles
+        if (reference := cycles.get(f"{ENGINES[0]} {side}"))
         for name, other in cycles.items()
         if name.endswith(side) and not name.startswith(ENGINES[0])
     )
@@ -175,7 +165,7 @@ def walk_series(
     """Left and right leg of a steady walk in an engine. Raises FellError."""
     walked = run(
         deployed.robot,
-        _PLANTS[engine](_engine_robot(deployed), settings),
+        make_plant(engine.lower(), deployed, settings.timestep_s, settings.friction),
         deployed.controller(),
         deployed.motors(),
         lambda time_s: np.array([min(speed, time_s), 0.0, 0.0]),
@@ -187,11 +177,10 @@ def walk_series(
     if walked.fell_s is not None:
         raise FellError(f"{engine} at {speed:g} m/s: fell after {walked.fell_s:.2f} s")
     kept = slice(round(settings.settled_s / walked.timestep_s), None)
-    joints, speeds = walked.qpos[kept, 7:], walked.qvel[kept, 6:]
-    legs = _leg_joints(deployed.robot)
+    joints, speeds, rate_hz = walked.qpos[kept, 7:], walked.qvel[kept, 6:], 1.0 / walked.timestep_s
+    robot = deployed.robot
     left, right = (
-        _series(f"{engine} {side}", side, joints, speeds, 1.0 / walked.timestep_s, deployed.robot.joint_names, legs)
-        for side in SIDES
+        _series(f"{engine} {side}", side, joints, speeds, rate_hz, robot.joint_names, robot) for side in SIDES
     )
     return left, right
 
@@ -214,7 +203,7 @@ def steady_span(trial: Trial, speed: float, settings: LimitCycleSettings) -> sli
 def trial_series(trial: Trial, span: slice, side: str, name: str, robot: Robot) -> JointSeries:
     """One leg of a span of a log. Raises UnknownNameError if the log lacks a joint of it."""
     joints, speeds = (array[span].astype(float) for array in (trial.joint_pos, trial.joint_vel))
-    return _series(name, side, joints, speeds, trial.rate_hz, trial.joint_names, _leg_joints(robot))
+    return _series(name, side, joints, speeds, trial.rate_hz, trial.joint_names, robot)
 
 
 def _series(
@@ -224,12 +213,14 @@ def _series(
     joint_vel: np.ndarray,
     rate_hz: float,
     joint_names: tuple[str, ...],
-    legs: Mapping[str, tuple[str, str]],
+    robot: Robot,
 ) -> JointSeries:
-    for joint in legs[side]:
+    legs, place = legs_of(robot), SIDES.index(side)
+    names = (robot.joint_names[legs.hip_pitch[place]], robot.joint_names[legs.knee[place]])
+    for joint in names:
         if joint not in joint_names:
             raise UnknownNameError("joint", joint, joint_names)
-    hip, knee = map(joint_names.index, legs[side])
+    hip, knee = map(joint_names.index, names)
     return JointSeries(
         name=name,
         rate_hz=rate_hz,
@@ -238,27 +229,3 @@ def _series(
         hip_vel=joint_vel[:, hip],
         knee_vel=joint_vel[:, knee],
     )
-
-
-def _leg_joints(robot: Robot) -> dict[str, tuple[str, str]]:
-    """Names of hip pitch and knee by side."""
-    legs = legs_of(robot)
-    pairs = zip(SIDES, legs.hip_pitch, legs.knee, strict=True)
-    return {side: (robot.joint_names[hip], robot.joint_names[knee]) for side, hip, knee in pairs}
-
-
-def _engine_robot(deployed: Deployed) -> Robot:
-    """The robot with the armature of the deployment."""
-    return deployed.robot if deployed.armature is None else replace(deployed.robot, armature=deployed.armature)
-
-
-def _mujoco(robot: Robot, settings: LimitCycleSettings) -> Plant:
-    options = MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction, armature=robot.armature)
-    return MujocoPlant(robot, options)
-
-
-def _dart(robot: Robot, settings: LimitCycleSettings) -> Plant:
-    return DartPlant(robot, settings.timestep_s, settings.friction)
-
-
-_PLANTS: dict[str, Callable[[Robot, LimitCycleSettings], Plant]] = {"MuJoCo": _mujoco, "DART": _dart}

@@ -79,18 +79,14 @@ class NoCycleError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class JointSeries:
-    """One leg's hip pitch and knee at a steady command."""
+    """One leg's hip pitch and knee [rad] and their speeds [rad/s] at a steady command."""
 
     name: str
     rate_hz: float
     hip: Float[np.ndarray, " n"]
-    """[rad]"""
     knee: Float[np.ndarray, " n"]
-    """[rad]"""
     hip_vel: Float[np.ndarray, " n"]
-    """[rad/s]"""
     knee_vel: Float[np.ndarray, " n"]
-    """[rad/s]"""
 
     @property
     def table(self) -> Float[np.ndarray, "n 4"]:

@@ -22,17 +22,7 @@ from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import BALL_DISTANCE, Ball
 from pipeline.simulation.plant import Event, Kick, Push, Throw
-from pipeline.validation.cells import (
-    SURVIVING,
-    Cell,
-    command_cells,
-    condition_cells,
-    start_cells,
-    step_cells,
-    switch_cells,
-    terrain_cells,
-    turning_cells,
-)
+from pipeline.validation.cells import SURVIVING, Cell, command_cells, unpushed_cells
 from pipeline.validation.trial import CommandProfile, Conditions, Trial, VelocityCommand
 
 IMPULSES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
@@ -56,12 +46,12 @@ GAITS = {"standing": VelocityCommand(), "walking": VelocityCommand(forward=0.5)}
 
 def push_cells(robot: Robot, models: tuple[str, ...] = ("force", "kick", "ball")) -> tuple[Cell, ...]:
     """All cells of the named push models: 12 of 64 trials each."""
-    cells = []
-    for model in models:
-        for gait in GAITS:
-            for size in DROPS_M if model == "ball" else IMPULSES:
-                cells.append(push_cell(robot, model, gait, size))
-    return tuple(cells)
+    return tuple(
+        push_cell(robot, model, gait, size)
+        for model in models
+        for gait in GAITS
+        for size in (DROPS_M if model == "ball" else IMPULSES)
+    )
 
 
 def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
@@ -142,25 +132,14 @@ the reference policy survives completely: a share over 64 trials says little abo
 
 def cells_of(suite: str, robot: Robot) -> tuple[Cell, ...]:
     """The cells of a suite by name. Raises UnknownNameError."""
-    if suite == FULL:
-        return full(robot)
-    if suite == QUICK:
-        return quick(robot)
-    raise UnknownNameError("suite", suite, SUITES)
+    if suite not in SUITES:
+        raise UnknownNameError("suite", suite, SUITES)
+    return full(robot) if suite == FULL else quick(robot)
 
 
 def full(robot: Robot) -> tuple[Cell, ...]:
     """All cells of the full suite."""
-    return (
-        *command_cells(SEEDS),
-        *turning_cells(SEEDS),
-        *step_cells(SEEDS),
-        *switch_cells(SEEDS),
-        *start_cells(STARTS),
-        *terrain_cells(SEEDS),
-        *condition_cells(SEEDS),
-        *push_cells(robot),
-    )
+    return (*unpushed_cells(SEEDS, STARTS), *push_cells(robot))
 
 
 def quick(robot: Robot) -> tuple[Cell, ...]:

@@ -118,10 +118,9 @@ class SweepResult:
 
 def sweep_checkpoints(checkpoints: Mapping[int, Deployed], pool: ClipPool | None = None) -> tuple[SweepResult, ...]:
     """The figures of each checkpoint, by iteration."""
-    found = []
-    for iteration, one in sorted(checkpoints.items()):
-        found.append(swept(iteration, measure(one, sweep_cells(one.robot), pool)))
-    return tuple(found)
+    return tuple(
+        swept(iteration, measure(one, sweep_cells(one.robot), pool)) for iteration, one in sorted(checkpoints.items())
+    )
 
 
 def swept(iteration: int, rows: Sequence[Measured]) -> SweepResult:

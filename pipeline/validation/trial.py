@@ -87,16 +87,12 @@ class Conditions:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Half widths of a random start around the default pose at rest; the feet are placed on the ground."""
+    """Half widths of a random start around the default pose at rest, in m, rad, s; the feet are put on the ground."""
 
     joint_pos: float = 0.02
-    """[rad]"""
     joint_vel: float = 0.1
-    """[rad/s]"""
     lin_vel: float = 0.05
-    """[m/s]"""
     ang_vel: float = 0.05
-    """[rad/s]"""
     tilt: float = 0.01
     """Roll and pitch [rad]."""
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from pipeline.validation.bars import UNKNOWN, Bar, CellBars, ValidationSettings
+from pipeline.validation.bars import UNKNOWN, CellBars, ValidationSettings
 from pipeline.validation.figures import FIGURES, Measured
 
 
@@ -25,36 +25,37 @@ class Reason:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellVerdict:
-    """Verdict on one cell."""
+class CellOutcome:
+    """A cell's bars and the reasons against it."""
 
-    measured: Measured
     bars: CellBars
-    reasons: tuple[Reason, ...]
+    reasons: tuple[Any, ...]
     """Every figure that misses its bar, also in cells that are not required."""
 
     @property
+    def required(self) -> bool:
+        return self.bars.required
+
+    @property
     def passed(self) -> bool:
-        return not self.reasons or not self.bars.required
+        return not self.reasons or not self.required
 
     @property
     def word(self) -> str:
         """`passed`, `failed` or `not required`."""
-        if not self.bars.required:
+        if not self.required:
             return "not required"
         return "failed" if self.reasons else "passed"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Verdict:
-    """Verdict on a policy and robot by a suite."""
+C = TypeVar("C", bound=CellOutcome)
 
-    suite: str
-    policy: str
-    """Digest."""
-    robot: str
-    """Digest."""
-    cells: tuple[CellVerdict, ...]
+
+@dataclass(frozen=True, kw_only=True)
+class SuiteOutcome(Generic[C]):
+    """The outcome of several cells."""
+
+    cells: tuple[C, ...]
     robot_of_bars: str = ""
     """Digest of the robot that the bars were derived on."""
     note: str = ""
@@ -63,17 +64,35 @@ class Verdict:
     @property
     def passed(self) -> bool:
         """Whether every required cell meets all its bars; False without any required cell."""
-        return all(cell.passed for cell in self.cells) and any(cell.bars.required for cell in self.cells)
+        return not self.failed_cells and any(cell.required for cell in self.cells)
 
     @property
-    def reasons(self) -> tuple[Reason, ...]:
+    def reasons(self) -> tuple[Any, ...]:
         """Reasons of all required cells."""
-        return tuple(reason for cell in self.cells if cell.bars.required for reason in cell.reasons)
+        return tuple(reason for cell in self.cells if cell.required for reason in cell.reasons)
 
     @property
-    def failed_cells(self) -> tuple[CellVerdict, ...]:
+    def failed_cells(self) -> tuple[C, ...]:
         """Required cells that fail."""
         return tuple(cell for cell in self.cells if not cell.passed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellVerdict(CellOutcome):
+    """Verdict on one cell; the reasons are `Reason`."""
+
+    measured: Measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict(SuiteOutcome[CellVerdict]):
+    """Verdict on a policy and robot by a suite."""
+
+    suite: str
+    policy: str
+    """Digest."""
+    robot: str
+    """Digest."""
 
     def to_dict(self) -> dict[str, Any]:
         """The verdict as JSON types."""
@@ -85,7 +104,7 @@ class Verdict:
             "note": self.note or None,
             "passed": self.passed,
             "reasons": [str(reason) for reason in self.reasons],
-            "not_required": {cell.measured.cell.name: cell.bars.why for cell in self.cells if not cell.bars.required},
+            "not_required": {cell.measured.cell.name: cell.bars.why for cell in self.cells if not cell.required},
             "cells": [_cell(cell) for cell in self.cells],
         }
 
@@ -100,8 +119,7 @@ def judge(
     cells = []
     for one in measured:
         bars = settings.cells.get(one.cell.name, UNKNOWN)
-        reasons = [_reason(one, name, bar) for name, bar in bars.bars.items()]
-        cells.append(CellVerdict(measured=one, bars=bars, reasons=tuple(each for each in reasons if each is not None)))
+        cells.append(CellVerdict(measured=one, bars=bars, reasons=tuple(_reasons(one, bars))))
     return Verdict(
         suite=suite,
         policy=policy,
@@ -112,12 +130,12 @@ def judge(
     )
 
 
-def _reason(one: Measured, name: str, bar: Bar) -> Reason | None:
-    """The reason if the figure misses its bar; None if it has no value because every trial fell."""
-    got = one.figure(name)
-    if got is None or bar.holds(got):
-        return None
-    return Reason(cell=one.cell.name, figure=name, got=got, bar=str(bar))
+def _reasons(one: Measured, bars: CellBars) -> Iterator[Reason]:
+    """Figures that miss their bars; a figure without a value, since every trial fell, misses none."""
+    for name, bar in bars.bars.items():
+        got = one.figure(name)
+        if got is not None and not bar.holds(got):
+            yield Reason(cell=one.cell.name, figure=name, got=got, bar=str(bar))
 
 
 def _cell(cell: CellVerdict) -> dict[str, Any]:
@@ -138,13 +156,13 @@ def _cell(cell: CellVerdict) -> dict[str, Any]:
 
 def as_text(verdict: Verdict, limit: int = 60) -> str:
     """Counts, the first `limit` reasons, cells that are not required, the note, and the verdict."""
-    required = [cell for cell in verdict.cells if cell.bars.required]
+    required = [cell for cell in verdict.cells if cell.required]
     trials = sum(len(cell.measured.trials) for cell in verdict.cells)
     lines = [f"{len(verdict.cells)} cells, {len(required)} required, {trials} trials"]
     lines += [f"  failed  {reason}" for reason in verdict.reasons[:limit]]
     if len(verdict.reasons) > limit:
         lines.append(f"  and {len(verdict.reasons) - limit} reasons more")
-    spared = [cell for cell in verdict.cells if not cell.bars.required]
+    spared = [cell for cell in verdict.cells if not cell.required]
     lines += [f"  not required  {cell.measured.cell.name}: {cell.bars.why}" for cell in spared]
     lines += [f"  note  {verdict.note}"] if verdict.note else []
     failed = f"{len(verdict.failed_cells)} of {len(required)} required cells failed"

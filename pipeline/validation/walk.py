@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -11,21 +12,12 @@ from pipeline import rotation
 from pipeline.deployment import PolicyController
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Kinematics
+from pipeline.simulation import terrain
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import PlantState
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
 from pipeline.simulation.sensors import NoisySensors
-from pipeline.simulation.terrain import (
-    Bump,
-    CrossSlope,
-    FlatGround,
-    Ground,
-    Slope,
-    gravel,
-    rough_ground,
-    stepping_stones,
-)
 from pipeline.simulation.torque_envelope import PdControl
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.trial import Conditions, GroundSpec, Start, Trial
@@ -35,8 +27,6 @@ WRENCH_EVERY = 5
 """Contact forces are read at every fifth step, 100 Hz."""
 BUMP_AT_M, BUMP_WIDTH_M = 1.5, 0.4
 STONE_GAP_M = 0.04
-
-KINDS = ("slope", "cross_slope", "bump", "gravel", "stones", "rough")
 
 
 class Worlds:
@@ -114,12 +104,9 @@ def _run(
     rng = np.random.default_rng(trial.seed)
     start = None if trial.seed == 0 else drawn_start(one, trial.start, plant.ground, rng)
     sensors = one.reads if conditions.noise is None else NoisySensors(conditions.noise, rng, one.reads)
-    rate_hz = one.task.control_hz
+    rate_hz, gains = one.task.control_hz, conditions.gain_factor
     commands = trial.command.sampled(rate_hz, trial.seconds)
-    motors = PdControl(
-        kp=conditions.gain_factor * one.task.kp, kd=conditions.gain_factor * one.task.kd, envelope=one.envelope
-    )
-    flat = isinstance(plant.ground, FlatGround)
+    motors = PdControl(kp=gains * one.task.kp, kd=gains * one.task.kd, envelope=one.envelope)
     return run(
         one.robot,
         plant,
@@ -132,23 +119,22 @@ def _run(
         start=start,
         delay_s=conditions.delay_s,
         wrench_every=WRENCH_EVERY,
-        ground_height=None if flat else plant.ground.height,
+        ground_height=None if isinstance(plant.ground, terrain.FlatGround) else plant.ground.height,
         stop_on_fall=stop_on_fall,
         resume_s=resume_s,
     )
 
 
-def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Generator) -> PlantState:
+def drawn_start(one: Deployed, start: Start, ground: terrain.Ground, rng: np.random.Generator) -> PlantState:
     """A random state near the default pose, with the lowest sole corner on the ground."""
     robot, joints = one.robot, len(one.robot.joint_names)
     joint_pos = one.task.default_joint_pos + rng.uniform(-start.joint_pos, start.joint_pos, joints)
     joint_pos = np.clip(joint_pos, robot.joint_lower, robot.joint_upper)
     tilt = rng.uniform(-start.tilt, start.tilt, 2)
     quat = rotation.from_rotvec(np.array([tilt[0], tilt[1], 0.0]))
-    kinematics = Kinematics(robot)
-    poses = kinematics.forward(np.zeros((1, 3)), quat[None], joint_pos[None])
-    corners = kinematics.site_pos_w(poses, [name for foot in robot.sole_corners for name in foot])
-    height = ground.height(0.0, 0.0) - float(corners[..., 2].min())
+    names = [name for foot in robot.sole_corners for name in foot]
+    corners = Kinematics(robot).sites_of_pose(names, joint_pos, quat)
+    height = ground.height(0.0, 0.0) - float(corners[:, 2].min())
     return PlantState(
         root_pos_w=np.array([0.0, 0.0, height]),
         root_quat_w=quat,
@@ -159,21 +145,21 @@ def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Gene
     )
 
 
-def ground_of(spec: GroundSpec | None) -> Ground:
+GROUNDS: dict[str, Callable[[float, np.random.Generator], terrain.Ground]] = {
+    "slope": lambda size, _: terrain.Slope(angle_deg=size),
+    "cross_slope": lambda size, _: terrain.CrossSlope(angle_deg=size),
+    "bump": lambda size, _: terrain.Bump(at_m=BUMP_AT_M, rise_m=size, width_m=BUMP_WIDTH_M),
+    "gravel": lambda size, rng: terrain.gravel(rng, step_m=size),
+    "stones": lambda size, rng: terrain.stepping_stones(rng, gap_m=STONE_GAP_M, step_m=size),
+    "rough": lambda size, rng: terrain.rough_ground(rng, amplitude_m=size),
+}
+"""Terrain of a size by kind; see `GroundSpec`."""
+
+
+def ground_of(spec: GroundSpec | None) -> terrain.Ground:
     """The terrain of a specification. Raises UnknownNameError."""
     if spec is None:
-        return FlatGround()
-    rng = np.random.default_rng(spec.seed)
-    if spec.kind == "slope":
-        return Slope(angle_deg=spec.size)
-    if spec.kind == "cross_slope":
-        return CrossSlope(angle_deg=spec.size)
-    if spec.kind == "bump":
-        return Bump(at_m=BUMP_AT_M, rise_m=spec.size, width_m=BUMP_WIDTH_M)
-    if spec.kind == "gravel":
-        return gravel(rng, step_m=spec.size)
-    if spec.kind == "stones":
-        return stepping_stones(rng, gap_m=STONE_GAP_M, step_m=spec.size)
-    if spec.kind == "rough":
-        return rough_ground(rng, amplitude_m=spec.size)
-    raise UnknownNameError("terrain", spec.kind, KINDS)
+        return terrain.FlatGround()
+    if spec.kind not in GROUNDS:
+        raise UnknownNameError("terrain", spec.kind, tuple(GROUNDS))
+    return GROUNDS[spec.kind](spec.size, np.random.default_rng(spec.seed))

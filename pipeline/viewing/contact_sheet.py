@@ -6,17 +6,12 @@ the clip's label says that the foot is on the ground. `worst_clips` shows the cl
 the reasons; `walk_gif` a robot clip as a short animation from the same point of view.
 """
 
-from __future__ import annotations
-
 import io
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as Canvas
-from PIL import Image  # comes with matplotlib
 
 from pipeline.batch import Entry, Judged, Manifest, Store
 from pipeline.clips.human_clip import HumanClip
@@ -27,11 +22,16 @@ from pipeline.viewing.figure import Figure
 from pipeline.viewing.human_figure import human_figure
 from pipeline.viewing.projection import (
     CONTACT,
+    DPI,
     TriangleArtist,
     Triangles,
+    blank_canvas,
     ground_triangles,
     one_above_the_other,
+    pixels,
     pose_triangles,
+    save_gif,
+    with_palette,
 )
 from pipeline.viewing.robot_figure import robot_figure
 
@@ -40,9 +40,6 @@ POSE_WIDTH = 1.05
 
 TIME_HEIGHT, HEADROOM = 0.22, 0.12
 """Height of the line of times below a row, and space above a head [m]."""
-
-DPI = 100
-"""Dots per inch, for the size of letters."""
 
 HUMAN_HEIGHT = 1.80
 """Room for a human [m]; a robot has room for its default height and what its head adds."""
@@ -146,38 +143,22 @@ class _Drawing:
     def _add_pose(self, figure: Figure, time_s: float, across: float) -> None:
         frame = figure.frame_at(time_s)
         shift = np.array([across, self.low])
-        pose = pose_triangles(figure, frame, _first_heading(figure))
+        pose = pose_triangles(figure, frame, figure.first_heading)
         if pose.count == 0:
             self.texts.append((across, self.low + 0.5, "missing", {"fontsize": 7, "ha": "center", "color": CONTACT}))
         self.layers += [ground_triangles(0.36).moved(shift), pose.moved(shift)]
 
     def png(self) -> bytes:
         """The picture so far."""
-        inches = self.dots_per_m / DPI
-        canvas = Canvas(figsize=(self.width * inches, max(-self.low, 0.3) * inches), dpi=DPI)
-        axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.set_axis_off()
-        axes.set(xlim=(0.0, self.width), ylim=(min(self.low, -0.3), 0.0))
+        height = max(-self.low, 0.3)
+        dots = (self.width * self.dots_per_m, height * self.dots_per_m)
+        canvas, axes = blank_canvas(dots, (0.0, self.width), (-height, 0.0))
         axes.add_artist(TriangleArtist(one_above_the_other(self.layers)))
         for x, y, text, style in self.texts:
             axes.text(x, y, text, parse_math=False, **{"va": "bottom", **style})  # a name may hold a $
-        return _palette_png(canvas)
-
-
-def _palette_png(canvas: Canvas) -> bytes:
-    """PNG of a canvas with a palette: a third of the size of full colour. Same canvas, same bytes."""
-    agg = FigureCanvasAgg(canvas)
-    agg.draw()
-    image = Image.fromarray(np.asarray(agg.buffer_rgba())[..., :3].copy())
-    stream = io.BytesIO()
-    image.quantize(PALETTE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(stream, "png")
-    return stream.getvalue()
-
-
-def _first_heading(figure: Figure) -> float:
-    """Heading [rad] in the first frame that has one."""
-    known = figure.heading[np.isfinite(figure.heading)]
-    return float(known[0]) if len(known) else 0.0
+        stream = io.BytesIO()
+        with_palette(pixels(canvas), PALETTE).save(stream, "png")
+        return stream.getvalue()
 
 
 def entry_clip(store: Store, entry: Entry) -> Clip:
@@ -243,22 +224,12 @@ def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0) -> bytes:
     frames = [figure.frame_at(float(time_s)) for time_s in np.arange(start_s, stop_s, 1.0 / GIF_FPS)] or [0]
     height = ROBOT_HEIGHT_SHARE * robot.default_root_height + 0.1
     heading = float(figure.heading[frames[0]])
-    images = []
+    pictures, dots = [], (1.2 * POSE_WIDTH * GIF_DOTS_PER_M, height * GIF_DOTS_PER_M)
     for frame in frames:
         triangles = one_above_the_other([ground_triangles(0.45), pose_triangles(figure, frame, heading)])
-        canvas = Canvas(figsize=(POSE_WIDTH * 1.2 * GIF_DOTS_PER_M / 100, height * GIF_DOTS_PER_M / 100), dpi=100)
-        axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.set_axis_off()
-        axes.set(xlim=(-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), ylim=(-0.12, height - 0.12))
+        canvas, axes = blank_canvas(dots, (-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), (-0.12, height - 0.12))
         axes.add_artist(TriangleArtist(triangles))
-        agg = FigureCanvasAgg(canvas)
-        agg.draw()
-        images.append(Image.fromarray(np.asarray(agg.buffer_rgba())[..., :3].copy()))
-    paletted = [
-        image.quantize(GIF_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE) for image in images
-    ]
+        pictures.append(pixels(canvas))
     stream = io.BytesIO()
-    paletted[0].save(
-        stream, "gif", save_all=True, append_images=paletted[1:], duration=round(1000 / GIF_FPS), loop=0, optimize=False
-    )
+    save_gif(stream, pictures, GIF_FPS, GIF_COLOURS)
     return stream.getvalue()

@@ -4,8 +4,6 @@ HumanClip -> human_figure -> Figure -> contact sheet (PNG)
 RobotClip -> robot_figure -> Figure -> scene of the browser viewer
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,6 +69,12 @@ class Figure:
     def duration_s(self) -> float:
         """Time of the last frame [s]; the first is at 0."""
         return (self.frame_count - 1) / self.fps
+
+    @property
+    def first_heading(self) -> float:
+        """Heading [rad] in the first frame that has one; 0 where none has."""
+        known = self.heading[np.isfinite(self.heading)]
+        return float(known[0]) if len(known) else 0.0
 
     def frame_at(self, time_s: float) -> int:
         """The frame nearest to a time, clamped to the clip."""

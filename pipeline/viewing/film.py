@@ -3,8 +3,6 @@
 `record_walk` films a policy's walk in MuJoCo.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 import textwrap
@@ -14,16 +12,21 @@ from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as Canvas
-from PIL import Image  # comes with matplotlib
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.validation.deployed import Deployed
 from pipeline.viewing.figure import Figure
 from pipeline.viewing.live_walk import TERRAINS, LiveWalk
-from pipeline.viewing.projection import TriangleArtist, ground_triangles, one_above_the_other, pose_triangles
+from pipeline.viewing.projection import (
+    TriangleArtist,
+    blank_canvas,
+    ground_triangles,
+    one_above_the_other,
+    pixels,
+    pose_triangles,
+    save_gif,
+)
 from pipeline.viewing.robot_figure import robot_figure
 
 SUFFIXES = (".mp4", ".gif")
@@ -61,7 +64,10 @@ def write_film(
     handle, aside = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix.lower(), dir=path.parent)
     os.close(handle)
     try:
-        (_write_mp4 if path.suffix.lower() == ".mp4" else _write_gif)(Path(aside), pictures, fps)
+        if path.suffix.lower() == ".gif":
+            save_gif(Path(aside), pictures, fps, PALETTE)
+        else:
+            _write_mp4(Path(aside), pictures, fps)
         Path(aside).chmod(0o644)
         Path(aside).replace(path)
     except OSError as error:
@@ -76,24 +82,19 @@ def _picture(figures: Sequence[Figure], time_s: float, text: str) -> np.ndarray:
     layers = []
     for place, figure in enumerate(figures):
         frame = figure.frame_at(time_s)
-        known = figure.heading[np.isfinite(figure.heading)]
         shift = np.array([(place + 0.5) * WIDTH_M, 0.0])
-        pose = pose_triangles(figure, frame, float(known[0]) if len(known) else 0.0)
+        pose = pose_triangles(figure, frame, figure.first_heading)
         layers += [ground_triangles(0.45).moved(shift), pose.moved(shift)]
-    width, height = (2 * round(size * DOTS_PER_M / 2) for size in (WIDTH_M * len(figures), HEIGHT_M))
-    canvas = Canvas(figsize=(width / 100, height / 100), dpi=100)
-    axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_axis_off()
-    axes.set(xlim=(0.0, WIDTH_M * len(figures)), ylim=(-0.25, HEIGHT_M - 0.25))
+    width_m = WIDTH_M * len(figures)
+    width, height = (2 * round(size * DOTS_PER_M / 2) for size in (width_m, HEIGHT_M))
+    canvas, axes = blank_canvas((width, height), (0.0, width_m), (-0.25, HEIGHT_M - 0.25))
     axes.add_artist(TriangleArtist(one_above_the_other(layers)))
     style = {"fontsize": 8, "ha": "center", "color": "#555555", "parse_math": False}
     for place, figure in enumerate(figures):
         axes.text((place + 0.5) * WIDTH_M, -0.2, figure.name, **style)
     lines = textwrap.fill(f"{time_s:.2f} s  {text}", LETTERS * len(figures))
     axes.text(0.03, HEIGHT_M - 0.3, lines, **{**style, "ha": "left", "va": "top"})
-    agg = FigureCanvasAgg(canvas)
-    agg.draw()
-    return np.ascontiguousarray(np.asarray(agg.buffer_rgba())[..., :3])
+    return pixels(canvas)
 
 
 def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
@@ -106,14 +107,6 @@ def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
         writer.send(picture)
     if writer is not None:
         writer.close()
-
-
-def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
-    images = [
-        Image.fromarray(each).quantize(PALETTE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        for each in pictures
-    ]
-    images[0].save(path, "gif", save_all=True, append_images=images[1:], duration=round(1000 / fps), loop=0)
 
 
 LONGEST_S = 120.0
@@ -160,14 +153,4 @@ def simulated(one: Deployed, walk: Walk) -> tuple[RobotClip, float | None]:
         live.step()
         if live.fallen and fell_s is None:
             fell_s = live.time_s
-    record = live.record()
-    clip = RobotClip(
-        name="walk",
-        fps=one.task.control_hz,
-        robot=one.robot.name,
-        joint_names=one.robot.joint_names,
-        root_pos_w=record.root_pos_w,
-        root_quat_w=record.root_quat_w,
-        joint_pos=record.joint_pos,
-    )
-    return clip, fell_s
+    return live.record(), fell_s

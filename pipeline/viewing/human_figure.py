@@ -4,8 +4,6 @@ Only the head is placed by an orientation too. So what is seen is what the posit
 orientations are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 

@@ -1,13 +1,9 @@
 """A policy that walks in MuJoCo while one watches: the command, pushes, terrain and friction change on the way."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.simulation.mujoco_plant import MujocoPlant
 from pipeline.simulation.plant import PlantState
 from pipeline.simulation.run import fall_height, has_fallen, steps_of
@@ -31,18 +27,6 @@ TERRAINS: dict[str, GroundSpec | None] = {
 
 PUSH_S = 0.1
 """Duration of a push [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WalkRecord:
-    """What happened so far, a row for each control step."""
-
-    root_pos_w: Float[np.ndarray, "t 3"]
-    """[m]"""
-    root_quat_w: Float[np.ndarray, "t 4"]
-    """wxyz"""
-    joint_pos: Float[np.ndarray, "t j"]
-    """[rad]"""
 
 
 class LiveWalk:
@@ -124,10 +108,18 @@ class LiveWalk:
         self.fallen = self.fallen or has_fallen(state, lowest, None if flat else plant.ground.height)
         self._rows.append((state.root_pos_w, state.root_quat_w, state.joint_pos))
 
-    def record(self) -> WalkRecord:
+    def record(self) -> RobotClip:
         """All control steps since the last start."""
         root_pos_w, root_quat_w, joint_pos = (np.array(rows) for rows in zip(*self._rows, strict=True))
-        return WalkRecord(root_pos_w=root_pos_w, root_quat_w=root_quat_w, joint_pos=joint_pos)
+        return RobotClip(
+            name="walk",
+            fps=self.one.task.control_hz,
+            robot=self.one.robot.name,
+            joint_names=self.one.robot.joint_names,
+            root_pos_w=root_pos_w,
+            root_quat_w=root_quat_w,
+            joint_pos=joint_pos,
+        )
 
 
 def surface(

@@ -3,8 +3,6 @@
 A log has joints and the trunk's attitude; its path is from leg odometry, so it is right while a sole is on the ground.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import tempfile
 from collections.abc import Sequence
@@ -13,18 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from pipeline import rotation
-from pipeline.actuators import ActuatorSettings, JointActuator, adapt, read_actuators
-from pipeline.actuators.adapted_robot import TABLE
+from pipeline.actuators.adapted_robot import TABLE, JointActuator, adapt, read_actuators
+from pipeline.actuators.settings import ActuatorSettings
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.deployment import Policy, load_policy
-from pipeline.deployment import digest as policy_digest
+from pipeline.deployment import Policy, find_policy, load_policy
 from pipeline.errors import FileError
 from pipeline.failures.find import find_failures
 from pipeline.failures.settings import FailureSettings
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.sim_to_real import simulated
-from pipeline.files import digest, settings
-from pipeline.files.shown_text import escaped, markdown_list
+from pipeline.files import settings
+from pipeline.files.shown_text import markdown_list, markdown_table
 from pipeline.hardware_logs import LogSettings, Trial, ingest, layouts, read_trial
 from pipeline.readers.robot_log import leg_odometry
 from pipeline.readers.robot_motion import robots
@@ -73,8 +70,11 @@ def shown_trial(trial: Trial, files: LogFiles) -> Shown:
     actuators = _actuators(files, robot)
     values = settings.read(files.data / "failures.yaml", FailureSettings)
     report = find_failures(trial, robot, actuators, values)
-    policy = _policy(trial, files)
-    twin = None if policy is None else _simulation(trial, robot, actuators, policy)
+    path = find_policy(files.policies(trial.robot), trial.policy_digest or "")
+    policy = load_policy(path) if path else None
+    twin = None
+    if policy is not None and np.isfinite(np.asarray(trial.command, dtype=float)).any():
+        twin = simulated(trial, robot, actuators, policy, trial.seconds).clip(SIMULATION)
     marks = tuple(
         Mark(
             time_s=each.time_s,
@@ -126,25 +126,6 @@ def _actuators(files: LogFiles, robot: Robot) -> Sequence[JointActuator]:
     return adapt(robot, (), settings.read(files.data / "actuators.yaml", ActuatorSettings))
 
 
-def _policy(trial: Trial, files: LogFiles) -> Policy | None:
-    """The policy that the log names, among those at hand."""
-    for path in files.policies(trial.robot) if trial.policy_digest else ():
-        try:
-            policy = load_policy(path)
-        except FileError:
-            continue  # an npz of something else
-        if trial.policy_digest in (digest.of_file(path), policy_digest(policy)):
-            return policy
-    return None
-
-
-def _simulation(trial: Trial, robot: Robot, actuators: Sequence[JointActuator], policy: Policy) -> RobotClip | None:
-    """The robot in MuJoCo under the trial's command, to its end or to its fall."""
-    if not np.isfinite(np.asarray(trial.command, dtype=float)).any():
-        return None
-    return simulated(trial, robot, actuators, policy, trial.seconds).clip(SIMULATION)
-
-
 def _command_line(trial: Trial, time_s: float) -> str:
     row = min(max(round(time_s * trial.rate_hz), 0), len(trial.command) - 1)
     forward, lateral, yaw = np.asarray(trial.command[row], dtype=float)
@@ -160,6 +141,5 @@ def _text(trial: Trial, report: TrialReport, policy: Policy | None) -> str:
         "policy": (trial.policy_digest or "not named")[:12] + ("" if policy else ", not at hand: no simulation"),
         "recorded": "in simulation" if trial.simulated else "on the robot",
     }
-    rows = "\n".join(f"| {escaped(name)} | {escaped(value)} |" for name, value in facts.items())
     failures = markdown_list((each.text() for each in report.failures), "no failure was found")
-    return f"| | |\n|---|---|\n{rows}\n\n{failures}"
+    return f"{markdown_table(('', ''), facts.items())}\n\n{failures}"

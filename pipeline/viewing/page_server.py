@@ -4,11 +4,11 @@ A browser lets any page open a web socket to 127.0.0.1, and viser looks at neith
 a web site that is open on the machine could read what the viewer shows and move the controls of `booster-lab play`.
 """
 
-from __future__ import annotations
-
+import contextlib
 import http
 import threading
 import time
+import webbrowser
 from abc import ABC, abstractmethod
 from typing import Any, NoReturn
 from unittest import mock
@@ -42,6 +42,22 @@ class TickedPage(ABC):
             now = time.monotonic()
             self.step(now - last)
             last = now
+
+    @property
+    def url(self) -> str:
+        host = self.server.get_host()
+        return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
+
+    def serve(self, what: str, *, browser: bool) -> None:
+        """Print the address, open it in the browser if wanted, run until Ctrl-C, end the server."""
+        try:
+            print(f"{self.url} plays {what}; stop with Ctrl-C", flush=True)
+            if browser:
+                webbrowser.open(self.url)
+            with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+                self.run()
+        finally:
+            self.stop()
 
     def stop(self) -> None:
         """End the server; its port is free again."""

@@ -1,7 +1,5 @@
 """The page of a policy that walks: sliders and keys command it, a button pushes it, terrain and friction are chosen."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import Any, Literal
@@ -49,11 +47,6 @@ class PlayPage(TickedPage):
         self._add_scene()
         self._add_controls(name)
         self._show()
-
-    @property
-    def url(self) -> str:
-        host = self.server.get_host()
-        return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
 
     def step(self, passed_s: float) -> None:
         """One tick: read the controls, simulate `passed_s` of real time, move the robot."""

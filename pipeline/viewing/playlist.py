@@ -3,8 +3,6 @@
 A `MotionSource` is plain data: worker processes load it, and its digest identifies what is drawn from it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -121,12 +119,15 @@ class MotionSource:
         human = self.human.load(store, self.clip) if self.human else None
         if isinstance(found, HumanClip):
             human = found
-        reference = self._reference(store, robot_clip)
+        reference = self.load_reference(store, robot_clip)
         return Shown(name=self.clip, human=human, reference=reference, robot_clip=robot_clip, robot=robot)
 
-    def _reference(self, store: Store, rollout: RobotClip | None) -> RobotClip | None:
+    def load_reference(self, store: Store, rollout: RobotClip | None) -> RobotClip | None:
+        """The frames that a rollout tracked; None for another clip, or where the reference is shorter now."""
         if self.reference is None or rollout is None:
             return None
         blob, start = self.reference
-        clip = store.get_clip(blob, self.clip)
-        return clip.cut(start, start + rollout.frame_count, self.clip) if isinstance(clip, RobotClip) else None
+        clip, stop = store.get_clip(blob, self.clip), start + rollout.frame_count
+        if not isinstance(clip, RobotClip) or stop > clip.frame_count:
+            return None
+        return clip.cut(start, stop, self.clip)

@@ -1,7 +1,5 @@
 """Plots as PNG bytes, small enough for a run's history, drawn without a display."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from pipeline.actuators import Calibration
+from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.folder import PublishedCurve
 
 SKILL_COLORS = {

@@ -1,19 +1,26 @@
 """Figures as flat shaded triangles: parallel projection, farther ones first (painter's algorithm)."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+import io
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
 from matplotlib.transforms import IdentityTransform
+from PIL import Image  # comes with matplotlib
 
 from pipeline import rotation
 from pipeline.viewing.figure import Color, Figure
 from pipeline.viewing.robot_figure import shape_mesh
+
+DPI = 100
+"""Dots per inch, for the size of letters."""
 
 SEGMENTS = 10
 """Corners of a circle."""
@@ -46,7 +53,7 @@ class Triangles:
     def count(self) -> int:
         return len(self.corners)
 
-    def moved(self, shift: Float[np.ndarray, " 2"]) -> Triangles:
+    def moved(self, shift: Float[np.ndarray, " 2"]) -> "Triangles":
         """The triangles moved by `shift` [m]."""
         return Triangles(corners=self.corners + shift, colors=self.colors)
 
@@ -105,6 +112,41 @@ def _painted(triangles: Float[np.ndarray, "n 3 3"], colors: Float[np.ndarray, "n
     bright = 0.55 + 0.45 * np.clip(normal @ LIGHT, 0.0, 1.0)
     shaded = np.round(colors * bright[:, None], 2)[order]
     return Triangles(corners=project(triangles[order]), colors=shaded)
+
+
+def blank_canvas(
+    dots: tuple[float, float], across: tuple[float, float], up: tuple[float, float]
+) -> tuple[Canvas, Axes]:
+    """A canvas without margins, and its axes in metres.
+
+    Args:
+        dots: width and height
+        across: left and right end [m]
+        up: lower and upper end [m]
+    """
+    canvas = Canvas(figsize=(dots[0] / DPI, dots[1] / DPI), dpi=DPI)
+    axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    axes.set(xlim=across, ylim=up)
+    return canvas, axes
+
+
+def pixels(canvas: Canvas) -> np.ndarray:
+    """RGB picture (h, w, 3) of a canvas."""
+    agg = FigureCanvasAgg(canvas)
+    agg.draw()
+    return np.ascontiguousarray(np.asarray(agg.buffer_rgba())[..., :3])
+
+
+def with_palette(picture: np.ndarray, colours: int) -> Image.Image:
+    """An RGB picture with a palette of its own: a third of the size of full colour. Same picture, same bytes."""
+    return Image.fromarray(picture).quantize(colours, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+
+
+def save_gif(target: Path | io.BytesIO, pictures: Iterable[np.ndarray], fps: float, colours: int) -> None:
+    """Write RGB pictures as a GIF that repeats for ever."""
+    first, *others = [with_palette(picture, colours) for picture in pictures]
+    first.save(target, "gif", save_all=True, append_images=others, duration=round(1000 / fps), loop=0, optimize=False)
 
 
 class TriangleArtist(Artist):

@@ -1,7 +1,5 @@
 """A robot's motion as a figure of the visual primitives of its MJCF."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import mujoco

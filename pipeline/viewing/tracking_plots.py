@@ -1,7 +1,5 @@
 """Plots of training and tracking: curves of runs, errors of rollouts, the worst-tracked references."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -94,7 +92,7 @@ def worst_tracked(
     """
     entries = {entry.clip: entry for entry in references.entries}
     families: dict[str, Judged] = {}
-    for row in sorted(rollouts.judged, key=_badness):
+    for row in sorted(rollouts.judged, key=lambda row: (bool(row.numbers.get("survived")), -_cm(row), row.clip)):
         if row.clip in entries and "worst_body_error_m" in row.numbers:
             families.setdefault(row.clip.split("~")[0], row)
     rows = list(families.values())[:most]
@@ -130,10 +128,6 @@ def _robot_clip(store: Store, entry: Entry) -> RobotClip:
     clip = entry_clip(store, entry)
     assert isinstance(clip, RobotClip)
     return clip
-
-
-def _badness(row: Judged) -> tuple[bool, float, str]:
-    return bool(row.numbers.get("survived")), -_cm(row), row.clip
 
 
 def _cm(row: Judged) -> float:
@@ -180,26 +174,6 @@ def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
         place.grid(alpha=0.3)
         if place.lines:
             place.legend(fontsize=6)
-    return png(figure)
-
-
-def discriminator_curves(arms: Mapping[str, pd.DataFrame], label: str) -> bytes:
-    """PNG of the discriminator's mean score on new policy windows over training; one line per run.
-
-    Args:
-        arms: name of an arm and seed -> its `curves.csv`
-        label: what the arms differ in
-    """
-    figure = Figure(figsize=(7.0, 4.0), dpi=80, layout="constrained")
-    place = figure.subplots()
-    names = list(dict.fromkeys(name.split(",")[0] for name in arms))
-    for name, table in arms.items():
-        _line(place, table, "d_rollout", COLOURS[names.index(name.split(",")[0]) % len(COLOURS)], "-", name)
-    place.set(xlabel="training [s]", ylabel="D on the policy's windows")
-    place.set_title(label, fontsize=9)
-    place.grid(alpha=0.3)
-    if place.lines:
-        place.legend(fontsize=7)
     return png(figure)
 
 

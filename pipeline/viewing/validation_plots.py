@@ -1,18 +1,17 @@
 """Plots of a validation: command following, push survival, torque, foot contacts, engines, limit cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from pipeline.robot.description import SIDES
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cross_engine import NAMES, CrossEngineResult
-from pipeline.validation.limit_cycle_walks import SIDES, SpeedCycles
+from pipeline.validation.limit_cycle_walks import SpeedCycles
 from pipeline.validation.limit_cycles import PLANES
 from pipeline.validation.verdict import CellVerdict, Verdict
 from pipeline.viewing.plots import png
@@ -30,7 +29,11 @@ def command_tracking(verdict: Verdict) -> bytes:
     figure = Figure(figsize=(9.0, 3.2), dpi=80, layout="constrained")
     cells = [cell for cell in verdict.cells if cell.measured.cell.group == "commands"]
     for (name, label), place in zip(AXES, figure.subplots(1, 3), strict=True):
-        shown = [cell for cell in cells if _wanted(cell, name) != 0.0 or _stands(cell)]
+        shown = [
+            cell
+            for cell in cells
+            if _wanted(cell, name) != 0.0 or not any(cell.measured.cell.trials[0].command.last.goal)
+        ]
         for cell in shown:
             spread, wanted = cell.measured.spread(name), _wanted(cell, name)
             if spread:
@@ -59,7 +62,8 @@ def survival_heatmap(verdict: Verdict) -> bytes:
     for row, (label, cells) in enumerate(rows.items()):
         for column, cell in enumerate(cells):
             survival = cell.measured.figure("survival") or 0.0
-            place.add_patch(_square(column, row, survival))
+            colour = (0.95 - 0.55 * survival, 0.45 + 0.45 * survival, 0.45 + 0.1 * survival)
+            place.add_patch(Rectangle((column - 0.48, row - 0.45), 0.96, 0.9, facecolor=colour))
             text = f"{' '.join(cell.measured.cell.name.split()[3:])}\n{survival:.2f}"
             weight = "bold" if cell.word == "failed" else "normal"
             place.text(column, row, text, ha="center", va="center", fontsize=7, fontweight=weight)
@@ -115,15 +119,6 @@ def foot_contacts(walks: Mapping[str, Rollout]) -> bytes:
 
 def _wanted(cell: CellVerdict, name: str) -> float:
     return float(getattr(cell.measured.cell.trials[0].command.last, name))
-
-
-def _stands(cell: CellVerdict) -> bool:
-    return not any(cell.measured.cell.trials[0].command.last.goal)
-
-
-def _square(column: int, row: int, survival: float) -> Rectangle:
-    colour = (0.95 - 0.55 * survival, 0.45 + 0.45 * survival, 0.45 + 0.1 * survival)
-    return Rectangle((column - 0.48, row - 0.45), 0.96, 0.9, facecolor=colour)
 
 
 ENGINE_COLOURS = {"mujoco": "#1f77b4", "bridge": "#7fb2d9", "dart": "#ff7f0e"}

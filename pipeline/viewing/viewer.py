@@ -3,8 +3,6 @@
 `Viewer.step` does all the work of one tick, so that a test can drive it without a browser.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,11 +174,6 @@ class Viewer(TickedPage):
         self._mark, self._times = NO_MARK, {}
         self._slider_set_to = 0.0
         self._choose(names[0])
-
-    @property
-    def url(self) -> str:
-        host = self.server.get_host()
-        return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
 
     def toggle(self) -> None:
         """Pause or play."""

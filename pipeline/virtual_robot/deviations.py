@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pipeline.actuators.synthesize import NO_LOAD_RATIO
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
@@ -37,39 +38,31 @@ class Deviations:
 
     def words(self) -> tuple[str, ...]:
         """Descriptions of the deviations, for the log."""
-        texts = [f"{joint} gives {100.0 * share:g} % of its torque" for joint, share in self.torque_scale.items()]
-        texts += [f"{joint} heats {factor:g} times" for joint, factor in self.hot.items()]
         numbers = {
-            "gains": (self.gain_scale, 1.0, "times"),
-            "command given to the controller": (self.command_scale, 1.0, "times"),
+            "gains": (self.gain_scale, 1.0, " times"),
+            "command given to the controller": (self.command_scale, 1.0, " times"),
             "friction": (self.friction, 1.0, ""),
-            "delay": (1000.0 * self.delay_s, 0.0, "ms"),
-            "trunk mass": (self.root_mass_factor, 1.0, "times"),
+            "delay": (1000.0 * self.delay_s, 0.0, " ms"),
+            "trunk mass": (self.root_mass_factor, 1.0, " times"),
             "message loss": (self.message_loss, None, ""),
-            "motor packet loss": (self.motor_loss_hz, None, "Hz"),
+            "motor packet loss": (self.motor_loss_hz, None, " Hz"),
         }
-        texts += [
-            f"{name} {value:g} {unit}".strip() for name, (value, usual, unit) in numbers.items() if value != usual
-        ]
-        return tuple(texts)
-
-
-NO_LOAD_RATIO = 1.25
-"""No-load speed over knee speed, as in the shipped torque-speed sweeps."""
+        return (
+            *(f"{joint} gives {100.0 * share:g} % of its torque" for joint, share in self.torque_scale.items()),
+            *(f"{joint} heats {factor:g} times" for joint, factor in self.hot.items()),
+            *(f"{name} {value:g}{unit}" for name, (value, usual, unit) in numbers.items() if value != usual),
+        )
 
 
 def motor_envelope(robot: Robot) -> TorqueEnvelope:
-    """The robot's torque limits, falling to 0 beyond the motors' speed limits, which bounds joint speeds."""
+    """The robot's torque limits, falling to 0 beyond the motors' speed limits as in the shipped torque-speed sweeps."""
     speed = np.array(robot.motor_speed_limit)
     return TorqueEnvelope(limit=np.array(robot.torque_limit), knee_speed=speed, no_load_speed=NO_LOAD_RATIO * speed)
 
 
 def envelope_of(robot: Robot, deviations: Deviations, nominal: TorqueEnvelope) -> TorqueEnvelope:
     """The torque envelope with weakened motors. Raises UnknownNameError for an unknown joint."""
-    scale = by_joint(robot, deviations.torque_scale, 1.0)
-    return TorqueEnvelope(
-        limit=nominal.limit * scale, knee_speed=nominal.knee_speed, no_load_speed=nominal.no_load_speed
-    )
+    return replace(nominal, limit=nominal.limit * by_joint(robot, deviations.torque_scale, 1.0))
 
 
 def by_joint(robot: Robot, values: Mapping[str, float], otherwise: float) -> Float[np.ndarray, " j"]:

@@ -17,22 +17,16 @@ from pipeline.simulation.record import Rollout
 
 @dataclass(frozen=True, kw_only=True)
 class LogQuality:
-    """Standard deviations of normal noise, and losses. Judgement: no log of a T1 is published."""
+    """Standard deviations of normal noise (in m, rad, s and N m), and losses. Judgement: no T1 log is published."""
 
     attitude: float = 0.003
-    """[rad]"""
     gyro: float = 0.01
-    """[rad/s]"""
     acceleration: float = 0.15
-    """[m/s^2]"""
     joint_pos: float = 0.0005
-    """[rad]"""
     joint_vel: float = 0.03
-    """[rad/s]"""
     torque_share: float = 0.02
     """Relative torque noise: motor current is measured, gear losses are not."""
     torque: float = 0.3
-    """[N m]"""
     odometer_scale: float = 1.0 / 1.2
     """Ratio of odometer to true distance: Booster's demo rescales the T1's odometer by 1.2."""
     odometer_drift: float = 0.005
@@ -180,8 +174,7 @@ def temperatures(rollout: Rollout, heat: Mapping[str, HeatModel]) -> Float[np.nd
 
 def _some(states: LowStates, kept: np.ndarray, rng: np.random.Generator, quality: LogQuality) -> LowStates:
     """The received messages, with jitter."""
-    values = {each.name: getattr(states, each.name) for each in dataclasses.fields(states)}
-    arrays = {name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)}
+    arrays = {name: value[kept] for name, value in vars(states).items() if isinstance(value, np.ndarray)}
     late = np.rint(np.abs(rng.normal(0.0, quality.jitter_s, int(kept.sum()))) * 1e9).astype(np.int64)
     late[0] = 0
     return dataclasses.replace(states, **{**arrays, "time_ns": np.maximum.accumulate(arrays["time_ns"] + late)})

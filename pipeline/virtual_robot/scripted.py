@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from pipeline.deployment.task import DeploymentTask
 from pipeline.files import digest
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import PlantState
@@ -58,7 +59,7 @@ class HeldPlant(MujocoPlant):
         target = self._grip + np.array([0.0, 0.0, hold.lift * part])
         stiffness, damping = 60.0 * mass, 12.0 * mass
         force = stiffness * (target - self.data.xipos[1]) - damping * self.data.qvel[:3]
-        force[2] += part * mass * 9.81
+        force[2] += part * mass * GRAVITY
         up = self.data.xmat[1].reshape(3, 3)[:, 2]
         forward = self.data.xmat[1].reshape(3, 3)[:, 0] * np.array([1.0, 1.0, 0.0])
         forward /= max(float(np.linalg.norm(forward)), 1e-6)

@@ -14,7 +14,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import Push
 from pipeline.simulation.record import Rollout
-from pipeline.simulation.run import Controller, run
+from pipeline.simulation.run import FALL_TILT_COS, Controller, run
 from pipeline.simulation.sensors import NoisySensors, SensorNoise
 from pipeline.simulation.torque_envelope import PdControl
 from pipeline.virtual_robot.deviations import (
@@ -29,12 +29,10 @@ from pipeline.virtual_robot.deviations import (
 from pipeline.virtual_robot.record import SOUND, HeatModel, record
 from pipeline.virtual_robot.scripted import HeldPlant, Hold
 
-FALLEN_COS = 0.5
-"""Cosine of the tilt at which booster_deploy stops its policy: 60 degrees."""
-
 
 class FallGuard:
-    """Forwards another controller until the trunk tilts too far; then commands the current joint positions."""
+    """Forwards another controller until the trunk tilts by 60 degrees, at which booster_deploy stops its policy; then
+    commands the current joint positions."""
 
     def __init__(self, inner: Controller):
         self.inner, self.task = inner, inner.task
@@ -54,7 +52,7 @@ class FallGuard:
         joint_vel: Float[np.ndarray, " j"],
     ) -> Float[np.ndarray, " j"]:
         """The inner controller's targets; after a fall the current positions [rad]."""
-        self.fallen = self.fallen or float(gravity_b[2]) > -FALLEN_COS
+        self.fallen = self.fallen or float(gravity_b[2]) > -FALL_TILT_COS
         if self.fallen:
             return np.array(joint_pos)
         targets = self.inner.targets(gyro_b, gravity_b, command, joint_pos, joint_vel)
@@ -112,13 +110,10 @@ def simulate(
         facts: facts of the log
         every: log one state in so many timesteps
     """
-    deviations = trial.deviations
+    deviations, gains = trial.deviations, trial.deviations.gain_scale
     task, command = controller.task, command_of(trial.command)
-    motors = PdControl(
-        kp=deviations.gain_scale * task.kp,
-        kd=deviations.gain_scale * task.kd,
-        envelope=envelope_of(robot, deviations, motor_envelope(robot)),
-    )
+    envelope = envelope_of(robot, deviations, motor_envelope(robot))
+    motors = PdControl(kp=gains * task.kp, kd=gains * task.kd, envelope=envelope)
     rollout = run(
         robot,
         _plant(robot, trial),
@@ -136,11 +131,10 @@ def simulate(
     quality = dataclasses.replace(SOUND, **{name: value for name, value in losses.items() if value is not None})
     heating = by_joint(robot, deviations.hot, 1.0)
     heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
-    facts = dataclasses.replace(
-        facts,
-        events=(*facts.events, *_events(trial)),
-        notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(trial.words()) or "no"},
-    )
+    # deliberate events only: pushes have to be detected by the reader of the log
+    stops = [] if trial.stop_s is None else [OperatorEvent(time_s=trial.stop_s, kind="stop")]
+    notes = {**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(trial.words()) or "no"}
+    facts = dataclasses.replace(facts, events=(*facts.events, *stops), notes=notes)
     log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat, every=every)
     return rollout, _stopped(log, trial.stop_s)
 
@@ -164,11 +158,6 @@ def _plant(robot: Robot, trial: VirtualTrial) -> MujocoPlant:
     return MujocoPlant(robot, options) if trial.hold is None else HeldPlant(robot, options, trial.hold)
 
 
-def _events(trial: VirtualTrial) -> list[OperatorEvent]:
-    """Operator events: deliberate ones only. Pushes have to be detected by the reader of the log."""
-    return [] if trial.stop_s is None else [OperatorEvent(time_s=trial.stop_s, kind="stop")]
-
-
 def _stopped(log: RobotLog, stop_s: float | None) -> RobotLog:
     """The log with zero stiffness after the stop."""
     if stop_s is None or log.joint_ctrl is None:
@@ -180,14 +169,10 @@ def _stopped(log: RobotLog, stop_s: float | None) -> RobotLog:
 
 def command_of(waypoints: Sequence[Waypoint]) -> Callable[[float], np.ndarray]:
     """The command over time, rate-limited from standing to each waypoint."""
-    grid = np.arange(0.0, max(row[0] for row in waypoints) + 60.0, 0.02)
-    goals = np.array([row[1:] for row in sorted(waypoints)])
-    starts = np.array([row[0] for row in sorted(waypoints)])
-    values = np.zeros((len(grid), 3))
-    now = np.zeros(3)
-    for index, time_s in enumerate(grid):
-        place = int(np.searchsorted(starts, time_s, side="right")) - 1
-        goal = goals[place] if place >= 0 else np.zeros(3)
+    table = np.array([(-np.inf, 0.0, 0.0, 0.0), *sorted(waypoints)])
+    values, now = [], np.zeros(3)
+    for time_s in np.arange(0.0, table[-1, 0] + 60.0, 0.02):
+        goal = table[np.searchsorted(table[:, 0], time_s, side="right") - 1, 1:]
         now = now + np.clip(goal - now, -0.02 * COMMAND_SLEW, 0.02 * COMMAND_SLEW)
-        values[index] = now
+        values.append(now)
     return lambda time_s: values[min(round(time_s / 0.02), len(values) - 1)]

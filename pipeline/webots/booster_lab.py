@@ -196,17 +196,10 @@ def walk(
 
 def task_of(config: dict[str, Any]) -> DeploymentTask:
     """The deployment task in `task.json`."""
-    return DeploymentTask(
-        robot=config["robot"],
-        joint_names=tuple(config["joint_names"]),
-        policy_joints=tuple(config["policy_joints"]),
-        default_joint_pos=np.array(config["default_joint_pos"]),
-        kp=np.array(config["kp"]),
-        kd=np.array(config["kd"]),
-        action_scale=config["action_scale"],
-        history=config["history"],
-        control_hz=config["control_hz"],
-    )
+    arrays = {name: np.array(config[name]) for name in ("default_joint_pos", "kp", "kd")}
+    names = {name: tuple(config[name]) for name in ("joint_names", "policy_joints")}
+    numbers = {name: config[name] for name in ("robot", "action_scale", "history", "control_hz")}
+    return DeploymentTask(**arrays, **names, **numbers)
 
 
 def motors_of(config: dict[str, Any]) -> PdControl:

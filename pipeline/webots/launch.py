@@ -53,10 +53,9 @@ class Outcome:
 
 def find_webots(environment: Mapping[str, str] = os.environ) -> Path | None:
     """The program, on the path or in the folder `WEBOTS_HOME`; None if missing."""
-    found = shutil.which("webots", path=environment.get("PATH"))
-    if found is None and environment.get("WEBOTS_HOME"):
-        found = shutil.which("webots", path=environment["WEBOTS_HOME"])
-    return None if found is None else Path(found)
+    home = environment.get("WEBOTS_HOME")
+    found = shutil.which("webots", path=environment.get("PATH")) or (home and shutil.which("webots", path=home))
+    return Path(found) if found else None
 
 
 def launch_webots(project: Project, settings: WebotsSettings) -> Outcome:
@@ -71,10 +70,7 @@ def launch_webots(project: Project, settings: WebotsSettings) -> Outcome:
 
 
 def launch(
-    program: Sequence[str],
-    project: Project,
-    settings: WebotsSettings,
-    environment: Mapping[str, str] | None = None,
+    program: Sequence[str], project: Project, settings: WebotsSettings, environment: Mapping[str, str] | None = None
 ) -> Outcome:
     """Run the project in `program`, which takes Webots' flags; retry on another port if the port is taken."""
     outcome = Outcome(status=NO_START, reason="it was not tried")
@@ -126,23 +122,21 @@ def _outcome(exit_status: int | None, printed: str, project: Project, settings: 
     """A valid result counts whatever happened after it; without one, the first failure is reported."""
     tail = printed[-TAIL_CHARACTERS:]
     text = _result_text(project, printed)
-    names = tuple(segment.name for segment in settings.segments)
-    problem: ResultError | None = None
+    status, reason = NO_RESULT, "it ended without a result"
     if text is not None:
         try:
+            names = tuple(segment.name for segment in settings.segments)
             return Outcome(status=FINISHED, result=parse_result(text, run, names), tail=tail)
         except ResultError as error:
-            problem = error
+            status, reason = STALE if error.stale else GARBAGE, str(error)
     if exit_status is None:
-        return Outcome(status=TIMED_OUT, reason=f"it was ended after {settings.limit_s:g} s", tail=tail)
-    if problem is not None:
-        return Outcome(status=STALE if problem.stale else GARBAGE, reason=str(problem), tail=tail)
-    if exit_status < 0:
-        return Outcome(status=CRASHED, reason=f"it died of {_signal_name(-exit_status)}", tail=tail)
-    if exit_status > 0:
+        status, reason = TIMED_OUT, f"it was ended after {settings.limit_s:g} s"
+    elif exit_status < 0 and text is None:
+        status, reason = CRASHED, f"it died of {_signal_name(-exit_status)}"
+    elif exit_status > 0 and text is None:
         last = tail.strip().splitlines()[-1:] or ["nothing printed"]
-        return Outcome(status=CRASHED, reason=f"it ended with status {exit_status}: {last[0]}", tail=tail)
-    return Outcome(status=NO_RESULT, reason="it ended without a result", tail=tail)
+        status, reason = CRASHED, f"it ended with status {exit_status}: {last[0]}"
+    return Outcome(status=status, reason=reason, tail=tail)
 
 
 def _result_text(project: Project, printed: str) -> str | None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import json
-from dataclasses import dataclass
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +21,9 @@ from pipeline.robot.build import build_robot
 from pipeline.robot.description import Description
 from pipeline.simulation.run import FALL_TILT_COS, fall_height
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.webots.proto import (
-    ACCELEROMETER,
-    CONTROLLER,
-    GYRO,
-    INERTIAL_UNIT,
-    MATERIAL,
-    SENSOR_SUFFIX,
-    VERSION,
-    proto_name,
-    robot_proto,
-)
+from pipeline.webots.proto import CONTROLLER, MATERIAL, SENSOR_SUFFIX, SENSORS, VERSION, proto_name, robot_proto
 from pipeline.webots.result import WebotsSettings
-from pipeline.webots.sources import JAXTYPING_SHIM, PROGRAM, needed_modules
-from pipeline.webots.vrml import Node, Scene, to_text
+from pipeline.webots.vrml import Node, Scene, node, to_text
 
 TIMESTEPS_MS = (1.0, 5.0)
 """Allowed `basicTimeStep` [ms]: 1 as in Booster's own world, 5 as in training."""
@@ -53,47 +45,36 @@ def robot_world(robot: Robot, timestep_ms: float = 5.0, friction: float = 1.0) -
     """The world file, in `worlds/` beside `protos/`. Contacts don't bounce, and bodies at rest stay simulated."""
     if timestep_ms not in TIMESTEPS_MS:
         raise TimestepError(timestep_ms)
-    contact = {
-        "coulombFriction": [friction],
-        "bounce": (0.0,),
-        "bounceVelocity": (0.0,),
-        "softERP": (SOFT_ERP,),
-        "softCFM": (SOFT_CFM,),
-    }
-    pairs = ((MATERIAL, FLOOR), (MATERIAL, MATERIAL))
+    soft = {"bounce": (0.0,), "bounceVelocity": (0.0,), "softERP": (SOFT_ERP,), "softCFM": (SOFT_CFM,)}
     contacts = [
-        Node(kind="ContactProperties", fields={"material1": one, "material2": two, **contact}) for one, two in pairs
+        node("ContactProperties", material1=MATERIAL, material2=other, coulombFriction=[friction], **soft)
+        for other in (FLOOR, MATERIAL)
     ]
-    info = {
-        "title": f"Booster Lab: {robot.name}",
-        "gravity": (GRAVITY,),
-        "CFM": (CFM,),
-        "ERP": (ERP,),
-        "basicTimeStep": (timestep_ms,),
-        "physicsDisableLinearThreshold": (0.0,),
-        "physicsDisableAngularThreshold": (0.0,),
-        "coordinateSystem": "ENU",
-        "contactProperties": contacts,
-    }
-    view = {"orientation": (0.0, 1.0, 0.0, 0.12), "position": (-3.5, 0.0, 1.2), "follow": robot.name}
+    info = node(
+        "WorldInfo",
+        title=f"Booster Lab: {robot.name}",
+        gravity=(GRAVITY,),
+        CFM=(CFM,),
+        ERP=(ERP,),
+        basicTimeStep=(timestep_ms,),
+        physicsDisableLinearThreshold=(0.0,),
+        physicsDisableAngularThreshold=(0.0,),
+        coordinateSystem="ENU",
+        contactProperties=contacts,
+    )
+    look = node("PBRAppearance", baseColor=(0.5, 0.5, 0.5), roughness=(1.0,))
+    plane = node("Plane", size=(100.0, 100.0))
+    shape = node("Shape", appearance=look, geometry=plane)
     nodes = (
-        Node(kind="WorldInfo", fields=info),
-        Node(kind="Viewpoint", fields=view),
-        Node(kind="Background", fields={"skyColor": [0.7, 0.8, 0.9]}),
-        Node(kind="DirectionalLight", fields={"direction": (-0.4, 0.3, -1.0)}),
-        _floor(),
+        info,
+        node("Viewpoint", orientation=(0.0, 1.0, 0.0, 0.12), position=(-3.5, 0.0, 1.2), follow=robot.name),
+        node("Background", skyColor=[0.7, 0.8, 0.9]),
+        node("DirectionalLight", direction=(-0.4, 0.3, -1.0)),
+        node("Solid", children=[shape], name=FLOOR, contactMaterial=FLOOR, boundingObject=plane),
         Node(kind=proto_name(robot), name="ROBOT"),
     )
     extern = (f"../protos/{proto_name(robot)}.proto",)
     return Scene(version=VERSION, extern=extern, protos=(), nodes=nodes)
-
-
-def _floor() -> Node:
-    appearance = Node(kind="PBRAppearance", fields={"baseColor": (0.5, 0.5, 0.5), "roughness": (1.0,)})
-    plane = Node(kind="Plane", fields={"size": (100.0, 100.0)})
-    shape = Node(kind="Shape", fields={"appearance": appearance, "geometry": plane})
-    fields = {"children": [shape], "name": FLOOR, "contactMaterial": FLOOR, "boundingObject": plane}
-    return Node(kind="Solid", fields=fields)
 
 
 RESULT = "result.json"
@@ -168,40 +149,25 @@ def write_project(
 
 def run_plan(settings: WebotsSettings, run: str) -> dict[str, Any]:
     """Content of `run.json`: the commands, and the name of the run, which its result must repeat."""
-    segments = [
-        {"name": each.name, "seconds": each.seconds, "command": list(each.command), "slew": each.slew}
-        for each in settings.segments
-    ]
+    names = ("name", "seconds", "command", "slew")
+    segments = [{name: getattr(each, name) for name in names} for each in settings.segments]
     return {"run": run, "result": RESULT, "measured_s": settings.measured_s, "segments": segments}
 
 
 def _task(task: DeploymentTask, envelope: TorqueEnvelope, lowest: float) -> dict[str, Any]:
-    def listed(values: np.ndarray | None) -> list[float] | None:
-        return None if values is None else values.tolist()
-
+    """Content of `task.json`; read by `task_of` and `motors_of` of the controller."""
+    kinds = {"gyro": "Gyro", "inertial_unit": "InertialUnit", "accelerometer": "Accelerometer"}
+    devices = {name: SENSORS[kind] for name, kind in kinds.items()}
     return {
-        "robot": task.robot,
-        "joint_names": list(task.joint_names),
-        "policy_joints": list(task.policy_joints),
-        "default_joint_pos": task.default_joint_pos.tolist(),
-        "kp": task.kp.tolist(),
-        "kd": task.kd.tolist(),
-        "action_scale": task.action_scale,
-        "history": task.history,
-        "control_hz": task.control_hz,
+        **{each.name: _plain(getattr(task, each.name)) for each in fields(task)},
         "fall": {"height_m": lowest, "tilt_cos": FALL_TILT_COS},
-        "motors": {
-            "limit": listed(envelope.limit),
-            "knee_speed": listed(envelope.knee_speed),
-            "no_load_speed": listed(envelope.no_load_speed),
-        },
-        "devices": {
-            "gyro": GYRO,
-            "inertial_unit": INERTIAL_UNIT,
-            "accelerometer": ACCELEROMETER,
-            "sensor_suffix": SENSOR_SUFFIX,
-        },
+        "motors": {each.name: _plain(getattr(envelope, each.name)) for each in fields(envelope)},
+        "devices": {**devices, "sensor_suffix": SENSOR_SUFFIX},
     }
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _json(value: Any) -> str:
@@ -219,3 +185,68 @@ Written by `booster-lab webots-project`; nothing here is edited by hand.
 opens it. The controller needs a Python with numpy. It walks what `controllers/{CONTROLLER}/run.json` says and writes
 `controllers/{CONTROLLER}/{RESULT}`. Rotors' inertia is on the links that they move, as Webots has no armature.
 """
+
+
+PIPELINE = Path(__file__).resolve().parents[1]
+PROGRAM = Path(__file__).resolve().with_name("booster_lab.py")
+ELSEWHERE = frozenset({"numpy", "jaxtyping", "controller"})
+"""Allowed imports besides the standard library: numpy, Webots' module, and jaxtyping, which gets a shim."""
+
+JAXTYPING_SHIM = '''"""Array shapes for readers; not checked here."""
+
+
+class Float:
+    def __class_getitem__(cls, key):
+        return cls
+
+
+Int = Bool = Float
+'''
+
+
+class ForeignImportError(PipelineError):
+    """The controller would need a package that Webots' Python may lack."""
+
+    def __init__(self, module: str, package: str):
+        super().__init__(
+            f"module '{module}' imports '{package}', which the Webots project would then need; the controller may "
+            f"use {', '.join(sorted(ELSEWHERE))} and the standard library."
+        )
+
+
+def needed_modules() -> dict[str, Path]:
+    """Path below the controller's folder -> source file of each needed module. Raises ForeignImportError."""
+    found: set[Path] = set()
+    waiting = [PROGRAM]
+    while waiting:
+        path = waiting.pop()
+        for module in _imports(ast.parse(path.read_text(encoding="utf-8"))):
+            top = module.partition(".")[0]
+            if top == "pipeline":
+                waiting += set(_files(module)) - found
+                found.update(_files(module))
+            elif top not in ELSEWHERE and top not in sys.stdlib_module_names:
+                raise ForeignImportError(path.stem, top)
+    return {path.relative_to(PIPELINE.parent).as_posix(): path for path in sorted(found)}
+
+
+def _files(module: str) -> Iterator[Path]:
+    """The file of a module and the `__init__` files of the packages above it."""
+    place = PIPELINE
+    yield place / "__init__.py"
+    for part in module.split(".")[1:]:
+        place = place / part
+        file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+        if file.is_file():
+            yield file
+
+
+def _imports(node: ast.AST) -> Iterator[str]:
+    """Modules that a file imports at run time, without those under `TYPE_CHECKING`."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom) and node.module:
+        yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    only_for_types = isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+    for child in node.orelse if only_for_types else ast.iter_child_nodes(node):
+        yield from _imports(child)

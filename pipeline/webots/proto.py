@@ -8,7 +8,6 @@ only.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +16,14 @@ from pipeline.robot import Robot
 from pipeline.robot.description import Description
 from pipeline.robot.tables import LinkRow, ShapeRow
 from pipeline.simulation.mujoco_plant import added_moments
-from pipeline.webots.vrml import Is, Node, Proto, Scene
+from pipeline.webots.vrml import Is, Node, Proto, Scene, node
 
 VERSION = "R2023b"
 """The release whose node types are used; later ones read its files."""
 CONTROLLER = "booster_lab"
 IMU_SITE = "imu"
-GYRO, INERTIAL_UNIT, ACCELEROMETER = "imu_gyro", "imu_orientation", "imu_accelerometer"
+SENSORS = {"Gyro": "imu_gyro", "InertialUnit": "imu_orientation", "Accelerometer": "imu_accelerometer"}
+"""Names of the inertial sensors, by node type."""
 SENSOR_SUFFIX = "_sensor"
 MATERIAL = "robot"
 """Contact material of all links."""
@@ -56,110 +56,87 @@ class _Writer:
     def root(self) -> Node:
         row = self.source.links[0]
         own = {name: Is(name) for name in ("translation", "rotation", "name", "controller", "supervisor")}
-        return Node(
-            kind="Robot",
-            fields={
-                **own,
-                "children": [*self.sensors(row), *self.children(row)],
-                "contactMaterial": MATERIAL,
-                **self.body(row),
-                "selfCollision": True,
-            },
-        )
+        children = [*self.sensors(row), *self.children(row)]
+        return node("Robot", **own, children=children, contactMaterial=MATERIAL, **self.body(row), selfCollision=True)
 
     def sensors(self, row: LinkRow) -> list[Node]:
         """The IMU's sensors, if its site is on this link."""
-        sites = [site for site in self.source.sites if site.site == IMU_SITE and site.link == row.link]
-        kinds = {"Gyro": GYRO, "InertialUnit": INERTIAL_UNIT, "Accelerometer": ACCELEROMETER}
         return [
-            Node(kind=kind, fields={"translation": site.numbers("x", "y", "z"), "name": name})
-            for site in sites
-            for kind, name in kinds.items()
+            node(kind, translation=site.numbers("x", "y", "z"), name=name)
+            for site in self.source.sites
+            if site.site == IMU_SITE and site.link == row.link
+            for kind, name in SENSORS.items()
         ]
 
     def children(self, row: LinkRow) -> list[Node]:
-        looks = [_placed(shape, [self.look(shape)]) for shape in self.shapes(row, "collision")]
+        looks = [_placed(shape, self.look(shape)) for shape in self.shapes(row, "collision")]
         return looks + [self.hinge(child) for child in self.source.children(row.link)]
 
     def hinge(self, row: LinkRow) -> Node:
-        robot, joint = self.robot, self.source.joint_rows[row.joint]
-        link = robot.link(row.link)
-        axis = rotation.rotate(robot.tree.quat[link], robot.tree.axis[link])
-        turned = rotation.from_axis_angle(robot.tree.axis[link], joint.default_pos)
-        at = tuple(robot.tree.pos[link].tolist())
-        parameters = {
-            "position": (joint.default_pos,),
-            "axis": tuple(axis.tolist()),
-            "anchor": at,
-            "minStop": (max(joint.lower, -math.pi),),
-            "maxStop": (min(joint.upper, math.pi),),
-        }
-        motor = {"name": row.joint, "maxVelocity": (joint.motor_speed,), "maxTorque": (joint.torque,)}
-        solid = {
-            "translation": at,
-            "rotation": axis_angle(rotation.multiply(robot.tree.quat[link], turned)),
-            "children": [*self.sensors(row), *self.children(row)],
-            "name": row.link,
-            "contactMaterial": MATERIAL,
-            **self.body(row),
-        }
-        sensor = Node(kind="PositionSensor", fields={"name": row.joint + SENSOR_SUFFIX})
-        return Node(
-            kind="HingeJoint",
-            fields={
-                "jointParameters": Node(kind="HingeJointParameters", fields=parameters),
-                "device": [Node(kind="RotationalMotor", fields=motor), sensor],
-                "endPoint": Node(kind="Solid", fields=solid),
-            },
+        tree, joint = self.robot.tree, self.source.joint_rows[row.joint]
+        link = self.robot.link(row.link)
+        axis = rotation.rotate(tree.quat[link], tree.axis[link])
+        turned = rotation.from_axis_angle(tree.axis[link], joint.default_pos)
+        at = tuple(tree.pos[link].tolist())
+        parameters = node(
+            "HingeJointParameters",
+            position=(joint.default_pos,),
+            axis=tuple(axis.tolist()),
+            anchor=at,
+            minStop=(max(joint.lower, -math.pi),),
+            maxStop=(min(joint.upper, math.pi),),
         )
+        motor = node("RotationalMotor", name=row.joint, maxVelocity=(joint.motor_speed,), maxTorque=(joint.torque,))
+        solid = node(
+            "Solid",
+            translation=at,
+            rotation=axis_angle(rotation.multiply(tree.quat[link], turned)),
+            children=[*self.sensors(row), *self.children(row)],
+            name=row.link,
+            contactMaterial=MATERIAL,
+            **self.body(row),
+        )
+        sensor = node("PositionSensor", name=row.joint + SENSOR_SUFFIX)
+        return node("HingeJoint", jointParameters=parameters, device=[motor, sensor], endPoint=solid)
 
-    def body(self, row: LinkRow) -> dict[str, Any]:
+    def body(self, row: LinkRow) -> dict[str, Node]:
         """Bounding object and mass of a link."""
-        shapes = [_placed(shape, [_geometry(shape)]) for shape in self.shapes(row, "visual")]
-        bounds = shapes or [Node(kind="Sphere", fields={"radius": (SPECK,)})]
-        xx, xy, xz, yy, yz, zz = row.numbers("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        moment = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + self.added.get(row.link, np.zeros((3, 3)))
-        six = moment[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        physics = {
-            "density": (-1.0,),
-            "mass": (row.mass,),
-            "centerOfMass": list(row.numbers("com_x", "com_y", "com_z")),
-            "inertiaMatrix": six.tolist(),
-        }
-        return {
-            "boundingObject": Node(kind="Group", fields={"children": bounds}),
-            "physics": Node(kind="Physics", fields=physics),
-        }
+        shapes = [_placed(shape, _geometry(shape)) for shape in self.shapes(row, "visual")]
+        moment = row.inertia + self.added.get(row.link, np.zeros((3, 3)))
+        physics = node(
+            "Physics",
+            density=(-1.0,),
+            mass=(row.mass,),
+            centerOfMass=list(row.numbers("com_x", "com_y", "com_z")),
+            inertiaMatrix=moment[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist(),
+        )
+        bounds = node("Group", children=shapes or [node("Sphere", radius=(SPECK,))])
+        return {"boundingObject": bounds, "physics": physics}
 
     def shapes(self, row: LinkRow, unwanted: str) -> list[ShapeRow]:
         return [shape for shape in self.source.shapes if shape.link == row.link and shape.role != unwanted]
 
     def look(self, shape: ShapeRow) -> Node:
         colour = self.source.config.colours[shape.colour]
-        appearance = {"baseColor": colour, "roughness": (0.8,), "metalness": (0.0,)}
-        fields = {"appearance": Node(kind="PBRAppearance", fields=appearance), "geometry": _geometry(shape)}
-        return Node(kind="Shape", fields=fields)
+        appearance = node("PBRAppearance", baseColor=colour, roughness=(0.8,), metalness=(0.0,))
+        return node("Shape", appearance=appearance, geometry=_geometry(shape))
 
 
-def _placed(shape: ShapeRow, children: list[Node]) -> Node:
-    quat = _quat(shape.numbers("roll", "pitch", "yaw"))
-    place = {"translation": shape.numbers("x", "y", "z"), "rotation": axis_angle(quat), "children": children}
-    return Node(kind="Pose", fields=place)
+def _placed(shape: ShapeRow, child: Node) -> Node:
+    """A node at the place of a shape. Its angles are about the fixed x, y, z axes, as in URDF."""
+    angles = zip(np.eye(3), shape.numbers("roll", "pitch", "yaw"), strict=True)
+    roll, pitch, yaw = (rotation.from_axis_angle(axis, angle) for axis, angle in angles)
+    turn = axis_angle(rotation.multiply(yaw, rotation.multiply(pitch, roll)))
+    return node("Pose", translation=shape.numbers("x", "y", "z"), rotation=turn, children=[child])
 
 
 def _geometry(shape: ShapeRow) -> Node:
     if shape.kind == "box":
-        return Node(kind="Box", fields={"size": tuple(2.0 * half for half in shape.size)})
+        return node("Box", size=tuple(2.0 * half for half in shape.size))
     if shape.kind == "sphere":
-        return Node(kind="Sphere", fields={"radius": shape.size})
+        return node("Sphere", radius=shape.size)
     radius, half = shape.size
-    return Node(kind=shape.kind.capitalize(), fields={"height": (2.0 * half,), "radius": (radius,)})
-
-
-def _quat(roll_pitch_yaw: tuple[float, ...]) -> np.ndarray:
-    """Quaternion of rotations about the fixed x, y, z axes, as in URDF."""
-    turns = [rotation.from_axis_angle(axis, angle) for axis, angle in zip(np.eye(3), roll_pitch_yaw, strict=True)]
-    return rotation.multiply(turns[2], rotation.multiply(turns[1], turns[0]))
+    return node(shape.kind.capitalize(), height=(2.0 * half,), radius=(radius,))
 
 
 def axis_angle(quat: np.ndarray) -> tuple[float, ...]:

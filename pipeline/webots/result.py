@@ -7,20 +7,16 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pipeline.errors import PipelineError
-from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, Range, check
+from pipeline.files.ranges import POSITIVE, Range, check
+from pipeline.simulation.run import Segment
 from pipeline.webots.booster_lab import SCHEMA
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkSegment:
-    """A segment with one commanded velocity."""
+class WalkSegment(Segment):
+    """A segment with a name, by which its thresholds are found."""
 
     name: str
-    seconds: Annotated[float, POSITIVE]
-    command: tuple[float, float, float]
-    """Forward and lateral [m/s], yaw rate [rad/s]."""
-    slew: Annotated[float, NOT_NEGATIVE] = 1.0
-    """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,19 +40,15 @@ class WebotsSettings:
     segments: tuple[WalkSegment, ...]
 
     def __post_init__(self) -> None:
-        check(_unmeasurable(self))
-
-
-def _unmeasurable(settings: WebotsSettings) -> list[tuple[str, str]]:
-    """Faults: no segments, and segments shorter than `measured_s`."""
-    least_s = settings.measured_s
-    if not settings.segments:
-        return [("segments", "is empty, allowed is one or more")]
-    return [
-        (f"segments[{place}].seconds", f"is {each.seconds:g}, allowed is 'measured_s' ({least_s:g}) or more")
-        for place, each in enumerate(settings.segments)
-        if each.seconds < least_s
-    ]
+        check([] if self.segments else [("segments", "is empty, allowed is one or more")])
+        least_s = f"'measured_s' ({self.measured_s:g})"
+        check(
+            [
+                (f"segments[{place}].seconds", f"is {each.seconds:g}, allowed is {least_s} or more")
+                for place, each in enumerate(self.segments)
+                if each.seconds < self.measured_s
+            ]
+        )
 
 
 FIGURES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
@@ -83,6 +75,11 @@ class WalkedSegment:
     lateral_m_s: float | None
     yaw_rate_rad_s: float | None
     height_m: float | None
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """Forward and lateral [m/s], yaw rate [rad/s]; 0 if it was not walked."""
+        return self.forward_m_s or 0.0, self.lateral_m_s or 0.0, self.yaw_rate_rad_s or 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,20 +112,19 @@ def parse_result(text: str, run: str, names: tuple[str, ...]) -> WalkResult:
     rows = value.get("segments")
     if not isinstance(rows, list) or [row.get("name") if isinstance(row, dict) else None for row in rows] != [*names]:
         raise ResultError("the result's segments are not those of the plan")
+    segments = []
+    for row in rows:
+        walked = row.get("walked") is True
+        figures = {name: _number(row, name) if walked else None for name in FIGURES}
+        segments.append(WalkedSegment(name=row["name"], walked=walked, **figures))
     return WalkResult(
         run=run,
         timestep_ms=_number(value, "timestep_ms"),
         seconds=_number(value, "seconds"),
         fell_s=None if value.get("fell_s") is None else _number(value, "fell_s"),
         policy=value.get("policy") is True,
-        segments=tuple(_segment(row) for row in rows),
+        segments=tuple(segments),
     )
-
-
-def _segment(row: dict[str, Any]) -> WalkedSegment:
-    walked = row.get("walked") is True
-    figures = {name: _number(row, name) if walked else None for name in FIGURES}
-    return WalkedSegment(name=row["name"], walked=walked, **figures)
 
 
 def _number(row: dict[str, Any], name: str) -> float:

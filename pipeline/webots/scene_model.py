@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.errors import FileError
+from pipeline.webots.proto import SENSORS
 from pipeline.webots.vrml import Node, Proto, Scene, VrmlError, from_text
 
 
@@ -64,16 +65,6 @@ class Body:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contact:
-    """Contact properties of robot and floor."""
-
-    friction: float
-    bounce: float
-    soft_erp: float
-    soft_cfm: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class SceneModel:
     """A world with one robot on a floor at z = 0. Bodies follow their parents, the root is first."""
 
@@ -83,7 +74,11 @@ class SceneModel:
     gravity: float
     erp: float
     cfm: float
-    contact: Contact
+    friction: float
+    """Contact properties of robot and floor, as those below."""
+    bounce: float
+    soft_erp: float
+    soft_cfm: float
     bodies: tuple[Body, ...]
     imu: dict[str, tuple[str, Float[np.ndarray, " 3"]]]
     """Name of each inertial sensor of the root -> node type and position in the root's frame [m]."""
@@ -104,8 +99,9 @@ def read_scene(world: Path) -> SceneModel:
         raise FileError(world, f"has {len(placed)} robots of its PROTOs {', '.join(protos) or '(none)'}, wanted one.")
     proto = protos[placed[0].kind]
     try:
-        return _model(scene, proto, _instance(proto, placed[0]))
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+        values = {name: placed[0].fields.get(name, default) for _, name, default in proto.interface}
+        return _model(scene, proto, values)
+    except (KeyError, IndexError, StopIteration, TypeError, ValueError) as error:
         raise FileError(world, f"lacks or misstates a field of its robot or WorldInfo ({error!r}).") from error
 
 
@@ -118,17 +114,17 @@ def _scene(path: Path) -> Scene:
         raise FileError(path, str(error)) from error
 
 
-def _instance(proto: Proto, node: Node) -> dict[str, Any]:
-    """Values of the interface: the node's own, else the defaults."""
-    return {name: node.fields.get(name, default) for _, name, default in proto.interface}
-
-
 def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
+    """The model of a scene with a PROTO, `values` of its interface by name."""
     info = next(node for node in scene.nodes if node.kind == "WorldInfo").fields
+    own = proto.body.fields
     bodies: list[Body] = []
     _add(bodies, proto.body, -1, None, values)
-    own = proto.body.fields["children"]
-    sensors = [node for node in own if node.kind in ("Gyro", "InertialUnit", "Accelerometer")]
+    sensors = [node for node in own["children"] if node.kind in SENSORS]
+    floor = next(node for node in scene.nodes if node.kind == "Solid" and node.all("Plane"))
+    materials = {own["contactMaterial"], floor.fields["contactMaterial"]}
+    pairs = [each.fields for each in info["contactProperties"]]
+    contact = next(each for each in pairs if {each["material1"], each["material2"]} == materials)
     return SceneModel(
         name=values["name"],
         controller=values["controller"],
@@ -136,26 +132,13 @@ def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
         gravity=info["gravity"][0],
         erp=info["ERP"][0],
         cfm=info["CFM"][0],
-        contact=_contact(info["contactProperties"], proto.body.fields["contactMaterial"], _floor_material(scene)),
+        friction=contact["coulombFriction"][0],
+        bounce=contact["bounce"][0],
+        soft_erp=contact["softERP"][0],
+        soft_cfm=contact["softCFM"][0],
         bodies=tuple(bodies),
         imu={node.fields["name"]: (node.kind, np.array(node.fields["translation"])) for node in sensors},
-        self_collision=proto.body.fields.get("selfCollision", False),
-    )
-
-
-def _floor_material(scene: Scene) -> str:
-    floors = [node for node in scene.nodes if node.kind == "Solid" and node.all("Plane")]
-    return floors[0].fields["contactMaterial"]
-
-
-def _contact(properties: list[Node], robot: str, floor: str) -> Contact:
-    pairs = {frozenset((each.fields["material1"], each.fields["material2"])): each.fields for each in properties}
-    found = pairs[frozenset((robot, floor))]
-    return Contact(
-        friction=found["coulombFriction"][0],
-        bounce=found["bounce"][0],
-        soft_erp=found["softERP"][0],
-        soft_cfm=found["softCFM"][0],
+        self_collision=own.get("selfCollision", False),
     )
 
 
@@ -198,21 +181,19 @@ def _hinge(joint: Node) -> Hinge:
     )
 
 
+SIZES = {"Box": ("size",), "Sphere": ("radius",), **dict.fromkeys(("Cylinder", "Capsule"), ("radius", "height"))}
+"""Fields with the sizes of a primitive."""
+
+
 def _shapes(bound: Node) -> list[Primitive]:
     """Primitives of a Group, each with or without a Pose."""
     found = []
     for child in bound.fields["children"]:
-        posed = child.kind == "Pose"
-        pos = np.array(child.fields["translation"]) if posed else np.zeros(3)
-        quat = _quat(child.fields["rotation"]) if posed else rotation.IDENTITY.copy()
-        shape = child.fields["children"][0] if posed else child
-        keys = {
-            "Box": ("size",),
-            "Sphere": ("radius",),
-            "Cylinder": ("radius", "height"),
-            "Capsule": ("radius", "height"),
-        }
-        size = tuple(number for key in keys[shape.kind] for number in shape.fields[key])
+        shape, pos, quat = child, np.zeros(3), rotation.IDENTITY.copy()
+        if child.kind == "Pose":
+            (shape,) = child.fields["children"]
+            pos, quat = np.array(child.fields["translation"]), _quat(child.fields["rotation"])
+        size = tuple(number for key in SIZES[shape.kind] for number in shape.fields[key])
         found.append(Primitive(kind=shape.kind.lower(), size=size, pos=pos, quat=quat))
     return found
 

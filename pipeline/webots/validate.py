@@ -12,19 +12,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as Xml
 
+import mujoco
 import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.webots.launch import FINISHED, NOT_RUN, Outcome, launch, launch_webots
-from pipeline.webots.project import Project
-from pipeline.webots.proto import ACCELEROMETER, CONTROLLER, GYRO, IMU_SITE, INERTIAL_UNIT, SENSOR_SUFFIX
+from pipeline.webots.project import PIPELINE, Project
+from pipeline.webots.proto import CONTROLLER, IMU_SITE, SENSOR_SUFFIX, SENSORS
 from pipeline.webots.result import Allowed, WalkResult, WalkSegment, WebotsSettings
 from pipeline.webots.scene_model import SceneModel, read_scene
-from pipeline.webots.sources import PIPELINE
 from pipeline.webots.stand_in.mujoco_engine import start_poses
 from pipeline.webots.stand_in.ode_engine import NOT_FOUND, OdeNotFoundError, load_ode
 
@@ -106,25 +105,23 @@ def _reasons(result: WalkResult, settings: WebotsSettings, allowed: Mapping[str,
     if not required:
         yield "no segment is required: nothing was shown"
     for segment, walked in required:
-        figures = (walked.forward_m_s, walked.lateral_m_s, walked.yaw_rate_rad_s)
-        if not walked.walked or None in figures:
-            yield f"segment '{segment.name}': not walked to its end"
+        where = f"segment '{segment.name}'"
+        if not walked.walked:
+            yield f"{where}: not walked to its end"
         else:
-            yield from (f"segment '{segment.name}': {each}" for each in _off(segment, allowed[segment.name], figures))
+            yield from (f"{where}: {each}" for each in _off(segment, allowed[segment.name], walked.velocity))
 
 
-def _off(segment: WalkSegment, allowed: Allowed, figures: tuple[float | None, ...]) -> Iterator[str]:
-    forward, lateral, yaw_rate = (float(each or 0.0) for each in figures)
+def _off(segment: WalkSegment, allowed: Allowed, reached: tuple[float, float, float]) -> Iterator[str]:
+    forward, lateral, yaw_rate = reached
     error = math.hypot(forward - segment.command[0], lateral - segment.command[1])
     if error > allowed.velocity_error_m_s:
         got = f"{forward:.2f}, {lateral:.2f} m/s for {segment.command[0]:g}, {segment.command[1]:g}"
         yield f"walks {got}, off by {error:.3f}, allowed is {allowed.velocity_error_m_s:g}"
     off = abs(yaw_rate - segment.command[2])
     if off > allowed.yaw_rate_error_rad_s:
-        yield (
-            f"turns {yaw_rate:.2f} rad/s for {segment.command[2]:g}, off by {off:.3f}, "
-            f"allowed is {allowed.yaw_rate_error_rad_s:g}"
-        )
+        got = f"{yaw_rate:.2f} rad/s for {segment.command[2]:g}"
+        yield f"turns {got}, off by {off:.3f}, allowed is {allowed.yaw_rate_error_rad_s:g}"
 
 
 EXACT = 1e-9
@@ -137,13 +134,10 @@ def project_faults(world: Path, robot: Robot) -> tuple[str, ...]:
         scene = read_scene(world)
     except FileError as error:
         return (str(error),)
-    checks = (_names(scene, robot), _motors(scene, robot), _masses(scene, robot), _poses(scene, robot), _world(scene))
-    faults: list[str] = []
-    for check in checks:
-        faults += check
-        if check is checks[0] and faults:
-            break  # the other checks look up names
-    return tuple(faults)
+    wrong_names = tuple(_names(scene, robot))
+    if wrong_names:
+        return wrong_names  # the other checks look up names
+    return (*_motors(scene, robot), *_masses(scene, robot), *_poses(scene, robot), *_world(scene))
 
 
 def _names(scene: SceneModel, robot: Robot) -> Iterator[str]:
@@ -193,15 +187,10 @@ def inertials(robot: Robot) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
     """Mass, centre of mass and inertia with rotor of each link, from the robot's MJCF text."""
     added = added_moments(robot)
     found = {}
-    for body in Xml.fromstring(robot.mjcf).iter("body"):
-        inertial = body.find("inertial")
-        if inertial is None:
-            continue
-        xx, yy, zz, xy, xz, yz = (float(each) for each in inertial.get("fullinertia", "").split())
+    for body in mujoco.MjSpec.from_string(robot.mjcf).worldbody.find_all("body"):
+        xx, yy, zz, xy, xz, yz = body.fullinertia
         moment = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        name = body.get("name", "")
-        com = np.array([float(each) for each in inertial.get("pos", "").split()])
-        found[name] = (float(inertial.get("mass", "nan")), com, moment + added.get(name, np.zeros((3, 3))))
+        found[body.name] = (body.mass, np.array(body.ipos), moment + added.get(body.name, np.zeros((3, 3))))
     return found
 
 
@@ -217,11 +206,11 @@ def _poses(scene: SceneModel, robot: Robot) -> Iterator[str]:
 
 
 def _world(scene: SceneModel) -> Iterator[str]:
-    if scene.contact.bounce != 0.0:
-        yield f"contacts of robot and floor bounce ({scene.contact.bounce:g}), wanted 0"
+    if scene.bounce != 0.0:
+        yield f"contacts of robot and floor bounce ({scene.bounce:g}), wanted 0"
     if scene.controller != CONTROLLER:
         yield f"the controller is '{scene.controller}', wanted '{CONTROLLER}'"
-    wanted = {GYRO: "Gyro", INERTIAL_UNIT: "InertialUnit", ACCELEROMETER: "Accelerometer"}
+    wanted = {name: kind for kind, name in SENSORS.items()}
     got = {name: kind for name, (kind, _) in scene.imu.items()}
     if got != wanted:
         yield f"the inertial sensors at site '{IMU_SITE}' are {got}, wanted {wanted}"

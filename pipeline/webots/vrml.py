@@ -19,12 +19,7 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")
 
 
 class VrmlError(PipelineError):
-    """A text that is not a scene.
-
-    Args:
-        problem: what is wrong, as a sentence
-        line: counted from 1
-    """
+    """A text that is not a scene; `line` is counted from 1."""
 
     def __init__(self, problem: str, line: int):
         self.line = line
@@ -56,7 +51,12 @@ class Node:
                     yield from each.nodes()
 
     def all(self, kind: str) -> list[Node]:
-        return [node for node in self.nodes() if node.kind == kind]
+        return [each for each in self.nodes() if each.kind == kind]
+
+
+def node(kind: str, /, **fields: Any) -> Node:
+    """A node without a name."""
+    return Node(kind=kind, fields=fields)
 
 
 @dataclass(frozen=True, kw_only=True)

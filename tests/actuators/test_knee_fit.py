@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.actuators import calibrate, fit_knee
+from pipeline.actuators.calibrate import calibrate
+from pipeline.actuators.knee_fit import fit_knee
 from pipeline.actuators.synthesize import Curve, Sweep, sample
 from tests.factories.sweeps import CASES, CURVE, MOTOR, SETTINGS, points, written
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.actuators import calibrate_folder
-from pipeline.actuators.folder import read_published
+from pipeline.actuators.folder import calibrate_folder, read_published
 from pipeline.batch import Store
 from pipeline.errors import FileError
 from pipeline.viewing.plots import calibration_curves

@@ -5,14 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.actuators import (
-    BoxLimits,
-    JointActuator,
-    adapt,
-    dc_motor_line,
-    log_envelope,
-    torque_envelope,
-)
+from pipeline.actuators.adapted_robot import BoxLimits, JointActuator, adapt, dc_motor_line, torque_envelope
+from pipeline.actuators.log_envelope import log_envelope
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import PdControl
 from tests.factories.sweeps import SETTINGS

@@ -8,16 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.actuators import (
-    adapt,
-    calibrate_folder,
-    motors_source,
-    read_motors,
-    read_standing_pose,
-    stand,
-    torque_envelope,
-    write_adapted_robot,
-)
+from pipeline.actuators.adapted_robot import adapt, motors_source, torque_envelope, write_adapted_robot
+from pipeline.actuators.folder import calibrate_folder
+from pipeline.actuators.motor_table import read_motors
+from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.actuators.synthesize import drives, main
 from pipeline.batch import Store
 from pipeline.errors import FileError

@@ -8,19 +8,17 @@ import numpy as np
 import pinocchio
 import pytest
 
-from pipeline.actuators import (
+from pipeline.actuators.adapted_robot import (
     NO_MEASUREMENTS,
-    Calibration,
     adapt,
-    calibrate,
     read_actuators,
-    read_motors,
-    read_standing_pose,
-    stand,
     torque_envelope,
     write_adapted_robot,
 )
+from pipeline.actuators.calibrate import Calibration, calibrate
 from pipeline.actuators.folder import read_published
+from pipeline.actuators.motor_table import read_motors
+from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.actuators.synthesize import Drive, Sweep, drives, measurement_text
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.robot import Robot, load_robot

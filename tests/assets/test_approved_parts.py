@@ -17,8 +17,8 @@ from assets.approved import (
     approved_versions,
     noting,
 )
-from assets.bootstrap import _upstream
-from assets.plan import robot_plans
+from assets.bootstrap import made_for, upstream
+from assets.plan import Plan, robot_plans
 from assets.project import Project
 from assets.reference_motions import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
@@ -134,6 +134,6 @@ def test_what_a_database_needs_ends_at_what_comes_from_outside():
         key["approved"]: {key["proposal"]},
         key["proposal"]: {key["logs"]},
     }
-    made = {key["database"], key["stage"], key["proposal"]}
-    found = _upstream({key["database"]}, parents, made)
+    plans = {key[name]: Plan(name, "group", ()) for name in ("database", "stage", "proposal")}
+    found = upstream({key["database"]}, made_for(parents, plans))
     assert key["approved"] in found and key["proposal"] not in found

@@ -26,7 +26,7 @@ def index(fastest: float) -> pd.DataFrame:
 @pytest.mark.parametrize(("fastest", "missing"), [(0.6, "nothing"), (0.3, "No clip walks left faster than 0.3 m/s.")])
 def test_it_says_what_is_missing_and_passes_where_nothing_is(fastest, missing):
     found = _every_command(PLAN, index(fastest))
-    assert found.metadata["missing"].value == missing
+    assert found.metadata["found"].value == missing
     assert found.passed == (missing == "nothing")
 
 

@@ -41,7 +41,6 @@ LINEAGE = {
         *("expert_db", "adapted_robot", "approved_randomization"),
         *("reference_motions", "augmented_motions", "tracking_policy"),
     },
-    "augmentation_ablation": {"expert_db", "adapted_robot"},
     "exported_policy": {"t1/amp_policy", "robot_model"},
     "mujoco_validation": {"exported_policy", "adapted_robot"},
     "cross_engine_validation": {"exported_policy", "adapted_robot"},
@@ -52,11 +51,11 @@ LINEAGE |= {name: {"expert_db"} for name in EXPORTS.values()}
 LINEAGE["release_report"] = {
     *("exported_policy", "mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles"),
     *("expert_db", "actuator_calibration", "adapted_robot"),
-    *("augmentation_ablation", "hardware_trials", "sim_to_real_report"),
+    *("hardware_trials", "sim_to_real_report"),
 }
 
 POLICY = (
-    *("t1/amp_policy", "augmentation_ablation", "exported_policy", "limit_cycles", "release_report"),
+    *("t1/amp_policy", "exported_policy", "limit_cycles", "release_report"),
     *("mujoco_validation", "cross_engine_validation", "webots_validation"),
 )
 """What is made of the database and asked of the policy."""
@@ -128,7 +127,7 @@ def test_the_groups_show_the_stages_and_keep_training_apart():
     shared = {"sources", "KP1_selection", "KP2_repair", "hardware_feedback"}
     of_robot = {"robot", "KP3_retargeting", "KP4_augmentation", "KP5_feasibility", "database", "training", "validation"}
     assert set(groups) == shared | {f"{robot}_{name}" for robot in ("t1", "k1") for name in of_robot}
-    assert groups["t1_training"] == {"amp_policy", "augmentation_ablation", "approved_randomization"}
+    assert groups["t1_training"] == {"amp_policy", "approved_randomization"}
     assert groups["KP1_selection"] == {"selected_motions", "approved_windows"}
 
 

@@ -7,11 +7,10 @@ from typing import Any
 
 import dagster as dg
 import numpy as np
-import pandas as pd
 import pytest
 
-from assets import ablation, amp_policy, policy, resources, training_process
-from assets.bootstrap import _made_for_children, _parents, _upstream
+from assets import amp_policy, policy, report, resources, training_process
+from assets.bootstrap import _parents, made_for, upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
 from assets.plan import digest_of_robot, plans, robot_plans
@@ -23,7 +22,7 @@ from tests.factories.networks import network_file
 from tests.factories.training_stand_in import write_training_stand_in
 
 PLANS = robot_plans("t1")
-TRAINED, ABLATION, EXPORTED = (PLANS[name] for name in ("amp_policy", "augmentation_ablation", "exported_policy"))
+TRAINED, EXPORTED = PLANS["amp_policy"], PLANS["exported_policy"]
 DATABASE, ADAPTED, MODEL = (PLANS[name] for name in ("expert_db", "adapted_robot", "robot_model"))
 FREE = {"strictest": "public-domain", "allowed_use": "Any use."}
 CLOSED = {"strictest": "non-commercial", "allowed_use": "Research.", "licences": {"AMASS": "non-commercial"}}
@@ -35,7 +34,7 @@ def project(tmp_path, root, monkeypatch):
     project = Project(tmp_path)
     shutil.copytree(root / "robots" / "t1", tmp_path / "robots" / "t1", ignore=shutil.ignore_patterns("policies"))
     write_training_stand_in(tmp_path)
-    for module in (policy, amp_policy, ablation, resources):
+    for module in (policy, amp_policy, report, resources):
         monkeypatch.setattr(module, "PROJECT", project)
     monkeypatch.setattr(training_process, "gpus_here", lambda: 0)
     return project
@@ -208,13 +207,12 @@ def test_a_training_is_new_content_and_its_lack_makes_nothing_stale(project, rob
 
 def test_nothing_starts_a_training():
     """Neither the database, nor a policy that is wanted, nor a report; nor a clock."""
-    known = set(plans(PROJECT))
-    children = _made_for_children(_parents(), PROJECT)
+    parents = made_for(_parents(), plans(PROJECT))
     for name in ("expert_db", "exported_policy", "limit_cycles", "mujoco_validation", "release_report"):
-        above = _upstream({dg.AssetKey([name])}, children, known)
-        assert not above & {TRAINED.key, ABLATION.key}
-    assert _upstream({dg.AssetKey(["release_report"])}, children, known) == {dg.AssetKey(["release_report"])}
-    assert DATABASE.key in _upstream({TRAINED.key}, children, known)
+        above = upstream({dg.AssetKey([name])}, parents)
+        assert TRAINED.key not in above
+    assert upstream({dg.AssetKey(["release_report"])}, parents) == {dg.AssetKey(["release_report"])}
+    assert DATABASE.key in upstream({TRAINED.key}, parents)
     assert defs.resolve_job_def("train").asset_layer.selected_asset_keys == {TRAINED.key}
     by_clock = {each.job_name for each in defs.schedules or ()}
     by_clock |= {target.job_name for each in defs.sensors or () for target in each.targets}
@@ -261,67 +259,8 @@ def test_approved_ranges_widen_one_end_each():
 def bundle(project, robot):
     """The stand-in's bundle."""
     folder = project.policies("t1") / "bundle"
-    about = {"database_digest": "d1", "licence": FREE, "augmented_by": ["mirror", "time-scale"]}
+    about = {"database_digest": "d1", "licence": FREE}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "bundle.json").write_text(json.dumps(about))
     network_file(folder / "network.npz", robot)
     return folder, about
-
-
-def ablate(**config):
-    return dg.materialize(
-        [ablation.augmentation_ablation(ABLATION, DATABASE, ADAPTED)],
-        resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
-        run_config={"ops": {"augmentation_ablation": {"config": config}}},
-        raise_on_error=False,
-    )
-
-
-def test_without_a_gpu_the_recorded_ablation_is_served_or_its_lack_told(project, robot, monkeypatch):
-    monkeypatch.setattr(ablation, "bundle_of", lambda *_: bundle(project, robot))
-    assert "there is no GPU here, and robots/t1/policies/augmentation_ablation has no recorded" in why(ablate())
-    assert ablate(device="cpu", seeds=[1, 2]).success
-    recorded = project.shipped_policies("t1") / "augmentation_ablation"
-    shutil.copytree(project.policies("t1") / "augmentation_ablation", recorded)
-    said = told(ablate(), "augmentation_ablation")
-    assert said["origin"] == "recorded, ships with the project"
-    assert said["augmented arm"] == "mirror and time-scale only"
-    assert "data:image/png;base64" in said["D on policy samples"]
-    (recorded / "augmented-seed1.csv").write_text("changed")
-    assert "augmented-seed1.csv missing or changed" in why(ablate())
-
-
-def test_arms_differ_in_augmentation_alone(project, robot, monkeypatch):
-    monkeypatch.setattr(ablation, "bundle_of", lambda *_: bundle(project, robot))
-    said = told(ablate(device="cpu", seeds=[4]), "augmentation_ablation")
-    assert said["origin"] == "run here"
-    assert said["what it is"] == "a trial without a GPU: no result"
-    (facts,) = project.store.load("augmentation_ablation").settings.values()
-    runs = {each["arm"]: project.root / each["run"]["folder"] for each in facts["runs"]}
-    assert set(runs) == {"augmented", "original"}
-    configs = {arm: json.loads((folder / "config.json").read_text()) for arm, folder in runs.items()}
-    options = {arm: set(config.pop("set")) for arm, config in configs.items()}
-    assert configs["augmented"] == configs["original"]
-    assert options["augmented"] ^ options["original"] == {f"{ablation.OPTION}={value}" for value in ("true", "false")}
-
-
-def test_the_augmented_arm_says_what_it_has():
-    assert ablation.label_of(["mirror"]) == "mirror only"
-    assert ablation.label_of(["mirror", "time-scale", "step width"]) == "mirror, time-scale and step width only"
-    assert ablation.label_of([]) == "no augmented clips"
-
-
-def test_figures_of_the_arms_stand_side_by_side():
-    runs = [
-        {"name": "augmented-seed1", "figures": {"error of vx +2.0": 0.05, "survival of push": 0.5}},
-        {"name": "original-seed1", "figures": {"error of vx +2.0": 0.15, "survival of push": 0.25}},
-    ]
-    rows = ablation.figure_rows({"runs": runs})
-    expected = pd.DataFrame(
-        {
-            "figure": ["error of vx +2.0", "survival of push"],
-            "augmented-seed1": [0.05, 0.5],
-            "original-seed1": [0.15, 0.25],
-        }
-    )
-    pd.testing.assert_frame_equal(rows, expected)

@@ -11,12 +11,12 @@ from typing import Any
 import dagster as dg
 import pytest
 
-from assets import bootstrap, definitions, resources, tracker_choice, tracking_policy
-from assets.plan import SHARED, robot_plans
+from assets import bootstrap, definitions, resources, tracker_choice, tracking_policy, training_process
+from assets.plan import SHARED, plans, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.training_process import TrainingFailedError
-from pipeline.actuators import adapt, write_adapted_robot
+from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.batch import Entry, Manifest
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main
@@ -42,7 +42,7 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch) -> Project:
     project.store.save("adapted_robot", Manifest(stage="adapted_robot", entries=(), judged=()))
     for module in (tracking_policy, resources):
         monkeypatch.setattr(module, "PROJECT", project)
-    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 0)
+    monkeypatch.setattr(training_process, "gpus_here", lambda: 0)
     return project
 
 
@@ -83,7 +83,7 @@ def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot
         command = dataclasses.replace(run, device="cpu").command
         assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
 
-    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 1)
+    monkeypatch.setattr(training_process, "gpus_here", lambda: 1)
     monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
     found = materialized(train=tracker_choice.ALWAYS, num_envs=2, iterations=1)
     (command,) = ran
@@ -101,7 +101,7 @@ def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot
 
 
 def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Project, monkeypatch):
-    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 2)
+    monkeypatch.setattr(training_process, "gpus_here", lambda: 2)
     config = tracking_policy.TrackerConfig(train=tracker_choice.ALWAYS, gpus=2)
     run = tracking_policy._run_of(config, project.root, project.root / "bundle", "content")
     assert run.command[:4] == ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
@@ -128,7 +128,7 @@ def test_before_a_policy_a_tracker_is_trained_once_on_other_clips(project: Proje
         command = dataclasses.replace(run, device="cpu").command
         assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
 
-    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 1)
+    monkeypatch.setattr(training_process, "gpus_here", lambda: 1)
     monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
     for _ in range(2):
         found = materialized(train=tracker_choice.CHANGED, num_envs=2, iterations=1)
@@ -158,7 +158,7 @@ def test_a_tracker_is_needed_for_a_policy_on_a_gpu_whose_clips_it_was_not_traine
 
 def test_the_database_is_made_again_with_a_new_tracker():
     bootstrap.serve(definitions.defs)
-    made_for = bootstrap._made_for_children(bootstrap._parents(), Project(Path.cwd()))
+    made_for = bootstrap.made_for(bootstrap._parents(), plans(Project(Path.cwd())))
     wanted = {PLANS[name].key for name in ("reference_motions", "tracking_policy", "augmented_motions", "expert_db")}
     found = bootstrap._after_trackers(
         {PLANS["tracking_policy"].key}, made_for, wanted | {PLANS["feasible_motions"].key}

@@ -34,9 +34,9 @@ def versions(root: Path, changed: str, monkeypatch: pytest.MonkeyPatch) -> dict[
     ("library", "stale"),
     [
         ("dartpy", {"amp_policy", "cross_engine_validation", "limit_cycles"}),
-        ("torch", {"amp_policy", "augmentation_ablation", "exported_policy", *TRACKED}),
+        ("torch", {"amp_policy", "exported_policy", *TRACKED}),
         ("onnx", {"amp_policy", "exported_policy"}),
-        ("mjlab", {"amp_policy", "augmentation_ablation", *TRACKED}),
+        ("mjlab", {"amp_policy", *TRACKED}),
         ("a library of nobody", set()),
     ],
 )

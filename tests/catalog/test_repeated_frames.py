@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.catalog.measure import each_once, times_stored
+from pipeline.catalog.catalogue import each_once, times_stored
 from tests.factories.gliding import gliding_robot
 from tests.factories.human_clips import standing, walker
 

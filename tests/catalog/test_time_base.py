@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.catalog import CatalogSettings, judge
-from pipeline.catalog.gait import Person, steps_ahead
+from pipeline.catalog.time_base import Person, steps_ahead
 from pipeline.clips.human_clip import HumanClip
 from pipeline.files import settings as settings_file
 from pipeline.readers import Statement, read_motion

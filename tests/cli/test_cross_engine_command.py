@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.actuators import read_standing_pose
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.cli.main import main
 from pipeline.deployment import PolicyGains, deployment_task, save_policy
 from pipeline.robot import Robot

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from assets.project import Project
-from pipeline.actuators import read_actuators
+from pipeline.actuators.adapted_robot import read_actuators
 from pipeline.batch import Store
 from pipeline.feasibility import CommandSettings
 from pipeline.feedback.approve import approve_proposal

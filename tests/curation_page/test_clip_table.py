@@ -53,7 +53,7 @@ def test_a_window_that_was_not_selected_has_its_reason_and_its_frames(table):
 def test_a_graph_that_stopped_half_way_shows_what_waits(store, robot, tmp_path):
     half = Store(root=tmp_path)
     for stage in ("motion_catalog", "selected_motions"):
-        half.save(stage, store.load(stage))
+        half.save(stage, store.load(stage).at_hand())
     verdicts = {row.clip: row.verdict for row in read_table(half, "t1").rows}
     assert verdicts == {made.WINDOW: "waiting", made.SKATING: "waiting", made.NOT_TAKEN: "rejected"}
 

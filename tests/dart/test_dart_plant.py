@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline import rotation
-from pipeline.actuators import read_standing_pose
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.dart.plant import DartPlant
 from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.simulation.mujoco_plant import added_moments, put_armature_on_links

@@ -21,8 +21,6 @@ from pipeline.export.networks import (
     read_torch_script,
     to_onnx,
     to_torch_script,
-    write_onnx,
-    write_torch_script,
 )
 from pipeline.export.parity import TOLERANCE, measure_parity, observations_to_compare
 from tests.factories.networks import network, with_robot_gains
@@ -40,8 +38,8 @@ def task(robot):
 
 @pytest.fixture
 def files(tmp_path, task, policy):
-    write_onnx(tmp_path / "a.onnx", task, policy)
-    write_torch_script(tmp_path / "a.pt", task, policy)
+    (tmp_path / "a.onnx").write_bytes(to_onnx(task, policy))
+    (tmp_path / "a.pt").write_bytes(to_torch_script(task, policy))
     return tmp_path / "a.onnx", tmp_path / "a.pt"
 
 
@@ -83,11 +81,11 @@ def test_an_export_of_another_network_is_refused(tmp_path, files, task, policy, 
         "layers": (*policy.layers[:-1], (policy.layers[-1][0], policy.layers[-1][1] + 1e-4)),
     }
     other = dataclasses.replace(policy, **{wrong: changed[wrong]})
-    write_onnx(tmp_path / "b.onnx", task, other)
+    (tmp_path / "b.onnx").write_bytes(to_onnx(task, other))
     observations = observations_to_compare(policy, np.zeros((1, 720)), np.random.default_rng(1))
     with pytest.raises(ExportError, match=r"differ by .* \(ONNX, onnxruntime\)"):
         measure_parity(policy, tmp_path / "b.onnx", files[1], observations)
-    write_torch_script(tmp_path / "b.pt", task, other)
+    (tmp_path / "b.pt").write_bytes(to_torch_script(task, other))
     with pytest.raises(ExportError, match=r"TorchScript"):
         measure_parity(policy, files[0], tmp_path / "b.pt", observations)
 
@@ -97,13 +95,13 @@ def test_of_large_actions_a_millionth_is_allowed(tmp_path, task, policy):
     large = dataclasses.replace(policy, layers=(*policy.layers[:-1], (weight, bias + 100.0)))
     shifted = dataclasses.replace(policy, layers=(*policy.layers[:-1], (weight, bias + 100.0 + 5e-5)))
     observations = observations_to_compare(policy, np.zeros((1, 720)), np.random.default_rng(1))
-    write_onnx(tmp_path / "b.onnx", task, shifted)
-    write_torch_script(tmp_path / "b.pt", task, shifted)
+    (tmp_path / "b.onnx").write_bytes(to_onnx(task, shifted))
+    (tmp_path / "b.pt").write_bytes(to_torch_script(task, shifted))
     found = measure_parity(large, tmp_path / "b.onnx", tmp_path / "b.pt", observations)
     assert found.onnx > TOLERANCE
     assert 0.4 < found.times_allowed < 1.0
     further = dataclasses.replace(policy, layers=(*policy.layers[:-1], (weight, bias + 100.0 + 2e-4)))
-    write_onnx(tmp_path / "c.onnx", task, further)
+    (tmp_path / "c.onnx").write_bytes(to_onnx(task, further))
     with pytest.raises(ExportError, match=r"a millionth of an action beyond 10; the largest is 10\d"):
         measure_parity(large, tmp_path / "c.onnx", tmp_path / "b.pt", observations)
 
@@ -133,8 +131,8 @@ def test_equal_policies_give_equal_bytes_without_paths_of_the_machine(task, poli
 def test_the_published_policy_is_exported_to_within_the_tolerance(tmp_path, policies, robot, task):
     policy = with_robot_gains(load_policy(policies / "t1_walk.npz"), robot)
     assert policy.golden is not None
-    write_onnx(tmp_path / "a.onnx", task, policy)
-    write_torch_script(tmp_path / "a.pt", task, policy)
+    (tmp_path / "a.onnx").write_bytes(to_onnx(task, policy))
+    (tmp_path / "a.pt").write_bytes(to_torch_script(task, policy))
     observations = observations_to_compare(policy, policy.golden.observation, np.random.default_rng(0))
     assert measure_parity(policy, tmp_path / "a.onnx", tmp_path / "a.pt", observations).holds
     module, _ = read_torch_script(tmp_path / "a.pt")

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.generator import RECIPES, Generated, generate
 from pipeline.generator.command import Level, Recipe
-from pipeline.generator.defects import DEFECTS, make_defect
+from pipeline.generator.recipes import DEFECTS, make_defect
 
 
 @functools.cache

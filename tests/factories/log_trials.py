@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.actuators import ActuatorSettings, JointActuator, adapt, read_standing_pose
+from pipeline.actuators.adapted_robot import JointActuator, adapt
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.deployment import deployment_task
 from pipeline.failures.settings import FailureSettings
 from pipeline.files import settings

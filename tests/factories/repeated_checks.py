@@ -24,6 +24,8 @@ LONGEST_NAME = 100
 """Longer texts are not kept: they are no names."""
 
 _jaxtyped = _decorator.jaxtyped
+_checks: list[Callable[[], Any]] = []
+"""What makes the checks of each function of a module."""
 
 
 class _HasItemsError(Exception):
@@ -33,6 +35,12 @@ class _HasItemsError(Exception):
 def check_each_kind_of_call_once() -> None:
     """Modules that are imported from now on have their calls checked that way; before the first one is imported."""
     _decorator.jaxtyped = jaxtyping.jaxtyped = _jaxtyped_once
+
+
+def make_checks() -> None:
+    """Make the checks of all functions now, so that processes that are forked need not make them one by one."""
+    for make in _checks:
+        make()
 
 
 def _jaxtyped_once(fn: Any = None, *, typechecker: Any) -> Any:
@@ -59,6 +67,9 @@ def _checked_once(function: Callable[..., Any], typechecker: Any) -> Callable[..
         """Made for the first call: that takes longer than an import. Names in annotations are looked up in globals."""
         own = FunctionType(result_of.__code__, function.__globals__, closure=result_of.__closure__)
         return _jaxtyped(functools.update_wrapper(own, function), typechecker=typechecker)
+
+    if "<locals>" not in function.__qualname__:
+        _checks.append(checks)
 
     @functools.wraps(function)
     def called(*args: Any, **kwargs: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.actuators import read_standing_pose
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.deployment import Policy, PolicyGains, deployment_task
 from pipeline.robot import Robot
 from pipeline.robot.load import ROBOTS

@@ -12,6 +12,7 @@ from tests.factories.campaign_logs import log_cases
 from tests.factories.campaign_motions import motion_cases
 from tests.factories.campaign_policies import policy_cases
 from tests.factories.campaign_settings import contradictions, settings_cases
+from tests.factories.repeated_checks import make_checks
 
 SEED = 3
 FEW = {
@@ -24,6 +25,8 @@ FEW = {
 
 @pytest.mark.parametrize("kind", FEW)
 def test_mutated_inputs_are_read_right_or_refused(tmp_path, kind):
+    """Each in a process that is forked."""
+    make_checks()
     cases, count = FEW[kind]
     found = [(case.name, run_isolated(case)) for case in cases(SEED, count, tmp_path)]
     faults = [

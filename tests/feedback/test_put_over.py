@@ -4,7 +4,8 @@ import dataclasses
 
 import pytest
 
-from pipeline.actuators import ActuatorSettings, adapt
+from pipeline.actuators.adapted_robot import adapt
+from pipeline.actuators.settings import ActuatorSettings
 from pipeline.augment import AugmentSettings, Strengths
 from pipeline.feedback.approved import further_variants, wanted_seconds
 from pipeline.feedback.cell_weights import check_limits, lowered

@@ -13,7 +13,7 @@ from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.generator import RECIPES
 from pipeline.generator import recipes as recipes_module
 from pipeline.generator.__main__ import main
-from pipeline.generator.defects import DEFECTS
+from pipeline.generator.recipes import DEFECTS
 from pipeline.generator.skeleton import JOINT_OF_BODY
 from tests.factories.generated import parse_bvh, shipped, spoilt
 

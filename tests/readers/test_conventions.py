@@ -10,8 +10,7 @@ from pipeline import rotation
 from pipeline.clips.human_clip import BODIES
 from pipeline.errors import FileError
 from pipeline.readers import Statement, read_motion, written_map
-from pipeline.readers.rest_pose import NAME
-from pipeline.readers.roles import shared_prefix, side_and_part, without_prefix
+from pipeline.readers.roles import NAME, shared_prefix, side_and_part, without_prefix
 from tests.factories import motion_files as files
 from tests.factories.conventions import CONVENTIONS, DROP_DEG, Convention, write_bvh
 

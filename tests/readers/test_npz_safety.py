@@ -1,5 +1,6 @@
 """Archives from strangers: no objects, no bombs, no shapes that lie."""
 
+import dataclasses
 import io
 import zipfile
 
@@ -47,7 +48,7 @@ def test_a_bomb_is_refused_before_it_inflates(tmp_path):
 
 
 def test_archives_that_inflate_beyond_the_total_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(npz_file, "MAX_TOTAL_BYTES", 10_000)
+    monkeypatch.setattr(npz_file, "CAPS", dataclasses.replace(npz_file.CAPS, total_bytes=10_000))
     path = tmp_path / "clip.npz"
     np.savez(path, a=np.zeros(1000), b=np.zeros(1000))
     with pytest.raises(FileError, match=r"the archive inflates to \d+ bytes, more than the 10000 allowed"):

@@ -10,8 +10,7 @@ from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
 from pipeline.repair import RepairSettings, process
 from pipeline.repair.contacts import both_feet
-from pipeline.repair.planting import planted
-from pipeline.repair.skating import FAST, _slowest_fifth
+from pipeline.repair.skating import FAST, _slowest_fifth, planted
 from tests.factories.human_clips import Gait, walker
 
 

@@ -16,7 +16,7 @@ def test_canonical_frames_go_back_to_the_joints_of_the_file(root):
     motion = read_motion(file, "walk")
     raw = read_bvh(file)
     names, pos_w, quat_w = joints_of(motion.clip, file)
-    skeleton, axes = match_skeleton(raw).skeleton, TO_Z_UP[motion.up_axis]
+    skeleton, axes = match_skeleton(raw)[0], TO_Z_UP[motion.up_axis]
     sources = {**{name: (body, body) for name, body in BODIES.items()}, **FEET}
     assert names == list(sources)
     for column, (place, orientation) in enumerate(sources.values()):

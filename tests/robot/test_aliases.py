@@ -160,7 +160,7 @@ def test_a_faulty_table_of_aliases_is_refused(tmp_path: Path, change, told: str)
 
 def test_aliases_stand_where_the_joints_of_the_makers_file_are(tmp_path: Path, t1: Robot):
     """Joints are matched by place between the tables and a file under the newer names."""
-    from pipeline.robot_import import read_model
+    from pipeline.robot_import.read import read_model
 
     text = (ROBOTS / "t1" / "t1.urdf").read_text()
     for own, other in zip(t1.joint_names, newer(t1), strict=True):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.actuators import read_standing_pose
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.dart.plant import DartPlant
 from pipeline.deployment import deployment_task
 from pipeline.export.folder import Source, export_policy, read_export

@@ -8,9 +8,8 @@ import pytest
 
 from pipeline.cli.main import main
 from pipeline.robot.load import ROBOTS, read_description
-from pipeline.robot_check import compare
-from pipeline.robot_check.compare import match, model_of
-from pipeline.robot_import import read_model
+from pipeline.robot_check.compare import compare, match, model_of
+from pipeline.robot_import.read import read_model
 from tests.factories.maker_models import joint, t1_mjcf, t1_urdf, write
 
 

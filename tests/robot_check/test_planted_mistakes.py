@@ -10,7 +10,7 @@ import pytest
 from pipeline.cli.main import main
 from pipeline.robot import render
 from pipeline.robot.load import ROBOTS, robot_names
-from pipeline.robot_check import check_folder
+from pipeline.robot_check.check import check_folder
 from tests.factories.robot_mistakes import MISTAKES
 
 

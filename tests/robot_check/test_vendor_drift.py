@@ -9,9 +9,9 @@ import pytest
 
 from pipeline.cli.main import main
 from pipeline.robot.load import ROBOTS, read_description
-from pipeline.robot_check import compare
-from pipeline.robot_check.compare import model_of
-from pipeline.robot_import import propose, read_model
+from pipeline.robot_check.compare import compare, model_of
+from pipeline.robot_import.propose import propose
+from pipeline.robot_import.read import read_model
 from tests.factories.booster_2026 import CHANGES, NAMING, joint_names, newer_mjcf, newer_urdf
 
 

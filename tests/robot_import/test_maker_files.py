@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import FileError
-from pipeline.robot_import import propose, read_model, read_stated
+from pipeline.robot_import.propose import propose
+from pipeline.robot_import.read import read_model
+from pipeline.robot_import.stated import read_stated
 from tests.factories.maker_models import T1, joint, link, put_mesh, t1_mjcf, t1_urdf, without_sites, write, write_mesh
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.robot.load import read_description
-from pipeline.robot_import import Proposal, propose, read_model
+from pipeline.robot_import.propose import Proposal, propose
+from pipeline.robot_import.read import read_model
 from tests.factories.maker_models import T1, t1_mjcf, t1_urdf, without_sites, write
 
 

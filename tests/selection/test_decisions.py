@@ -11,7 +11,7 @@ from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import FileError, SettingsError
 from pipeline.files import settings
 from pipeline.selection import Curation, Decision, choose, without_excluded
-from pipeline.selection.curation_file import decide, read_decisions, take_back
+from pipeline.selection.curation import decide, read_decisions, take_back
 
 
 def decision(clip: str, verdict: str = "exclude", why: str = "the left foot slides") -> Decision:

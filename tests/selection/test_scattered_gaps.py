@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.catalog import CatalogSettings, catalogue, catalogue_file
-from pipeline.catalog.measure import times_stored
+from pipeline.catalog.catalogue import times_stored
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings as settings_file
 from pipeline.quality.planar_motion import bridge, short_gaps

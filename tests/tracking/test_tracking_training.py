@@ -20,8 +20,7 @@ from pipeline.tracking.bundle import read_tracking_bundle
 from pipeline.tracking.clips_command import _bins
 from pipeline.tracking.environment import tracking_environment
 from pipeline.tracking.export_tracker import export_tracker
-from pipeline.tracking.observation import key_link_index, observe
-from pipeline.tracking.reference import reference_states
+from pipeline.tracking.reference import key_link_index, observe, reference_states
 from pipeline.tracking.run import TrackingRequest, TrackingRun
 from pipeline.tracking.settings import TrackingSettings
 from tests.factories.tracking_bundle import tracking_bundle

@@ -11,8 +11,7 @@ import torch
 
 from pipeline.learning.policy_file import Network
 from pipeline.robot.kinematics import compiled
-from pipeline.tracking.observation import key_link_index, observe
-from pipeline.tracking.reference import reference_states
+from pipeline.tracking.reference import key_link_index, observe, reference_states
 from pipeline.tracking.task import ACTION_SCALE
 from pipeline.training.__main__ import main
 from pipeline.training.bundle import read_bundle
@@ -46,7 +45,7 @@ def teacher(env) -> ClipTeacher:
 
 
 def test_the_observation_is_the_one_of_the_trackers_rollouts(env, teacher, robot):
-    """Term by term as `pipeline.tracking.observation` computes it in numpy, with the clip where it is now."""
+    """Term by term as `pipeline.tracking.reference` computes it in numpy, with the clip where it is now."""
     for _ in range(3):
         teacher.executed(0.1 * torch.ones(ENVS, 21))
         env.step(0.1 * torch.ones(ENVS, 21))

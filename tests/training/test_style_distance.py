@@ -50,7 +50,7 @@ def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
 
 def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, root, robot):
     bundle, policy = small_bundle(tmp_path, root, robot), root / "robots" / "t1" / "policies" / "walk" / "policy.npz"
-    walk = Walk(cell="", command=(0.6, 0.0, 0.0), seconds=8.0)
+    walk = Walk(command=(0.6, 0.0, 0.0), seconds=8.0)
     features = walked_features(bundle, policy, walk)
     assert features.shape == (300, 60)
     forward = walked(bundle, policy, hashlib.sha256(policy.read_bytes()).hexdigest(), walk)["forward"]
@@ -64,11 +64,11 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
     assert windows.shape == (100, 240)
     assert np.abs(windows).max() <= 10.0
     with pytest.raises(TrainingError, match="falls at the command"):
-        walked_features(bundle, policy, Walk(cell="", command=(0.0, 0.0, 0.0), push=(-90.0, 0.0, 1.0)))
+        walked_features(bundle, policy, Walk(command=(0.0, 0.0, 0.0), push=(-90.0, 0.0, 1.0)))
 
 
 def test_what_is_no_policy_is_refused_by_name(tmp_path, root, robot):
-    bundle, walk = small_bundle(tmp_path, root, robot), Walk(cell="", command=(0.6, 0.0, 0.0), seconds=8.0)
+    bundle, walk = small_bundle(tmp_path, root, robot), Walk(command=(0.6, 0.0, 0.0), seconds=8.0)
     (tmp_path / "noise.npz").write_bytes(b"no archive")
     for name, says in (("noise.npz", "not a NumPy archive"), ("gone.npz", "the file does not exist")):
         with pytest.raises(FileError, match=rf"{name}: .*{says}"):

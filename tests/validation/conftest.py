@@ -26,7 +26,7 @@ def rules(root: Path) -> ValidationSettings:
     return read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def still(robot: Robot) -> Deployed:
     """A policy that does nothing."""
     task = deployment_task(robot)

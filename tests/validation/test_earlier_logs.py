@@ -24,12 +24,12 @@ from tests.factories.validation_walks import measured
 CELL = "push force standing 60 Ns"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def cell(robot: Robot) -> Cell:
     return named(robot, {CELL: 1})[0]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def log(still: Deployed, cell: Cell) -> RobotLog:
     """What the validation writes of a push that topples."""
     numbers = {"fell": 1.0, "fell_s": 1.9}

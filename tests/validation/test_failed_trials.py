@@ -70,7 +70,7 @@ def test_the_worst_trial_is_the_first_that_fell_or_the_farthest_from_its_bar():
 
     def worst_of(*trials: dict) -> int:
         found = measured(cell("a", 3), *trials)
-        return worst_trial(CellVerdict(measured=found, bars=bars, reasons=(reason,))).seed
+        return worst_trial(CellVerdict(measured=found, bars=bars, reasons=(reason,)))[0].seed
 
     assert worst_of({"speed_error": 0.2}, {"speed_error": 0.4}, {"speed_error": 0.3}) == 2
     assert worst_of({"speed_error": 0.2}, {"speed_error": 0.4}, {"fell": 1.0, "fell_s": 2.0}) == 3

@@ -15,7 +15,7 @@ from tests.factories.log_trials import ROOT, scripted_log, trials_in
 
 
 def _simulated(robot, trial, script=SWAY):
-    from pipeline.actuators import read_standing_pose
+    from pipeline.actuators.standing import read_standing_pose
     from pipeline.deployment import deployment_task
 
     pose = read_standing_pose(ROOT / "robots/t1", robot)
@@ -64,7 +64,7 @@ def test_a_stop_damps_the_joints_and_the_log_says_so(robot):
 
 
 def _kd(robot):
-    from pipeline.actuators import read_standing_pose
+    from pipeline.actuators.standing import read_standing_pose
 
     return read_standing_pose(ROOT / "robots/t1", robot).kd
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.actuators import read_standing_pose
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.deployment import deployment_task
 from pipeline.robot import Robot
 from pipeline.robot.load import read_description

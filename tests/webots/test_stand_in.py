@@ -232,7 +232,7 @@ def test_a_torque_beyond_the_motor_is_cut(project: Project):
     spec.loader.exec_module(module)
     robot = object.__new__(module.Robot)
     robot._torque = {}
-    module.Motor(robot, "knee", 60.0, 12.57).setTorque(-90.0)
+    module.Motor(robot, "knee", 60.0).setTorque(-90.0)
     assert robot._torque == {"knee": -60.0}
 
 

@@ -19,10 +19,9 @@ from pipeline.robot import Robot, mujoco_model
 from pipeline.robot.load import read_description
 from pipeline.simulation.mujoco_plant import put_armature_on_links
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.webots.project import Project, TimestepError, robot_world, write_project
+from pipeline.webots.project import Project, TimestepError, needed_modules, robot_world, write_project
 from pipeline.webots.result import WebotsSettings
 from pipeline.webots.scene_model import read_scene
-from pipeline.webots.sources import needed_modules
 from pipeline.webots.stand_in.mujoco_engine import mujoco_scene
 from pipeline.webots.validate import project_faults
 from pipeline.webots.vrml import from_text

@@ -153,7 +153,7 @@ class ClipTeacher:
         return candidates.gather(1, best)[:, 0]
 
     def observe(self, env) -> torch.Tensor:
-        """The tracker's observation of the current states (n, o), term by term as `pipeline.tracking.observation`."""
+        """The tracker's observation of the current states (n, o), term by term as `pipeline.tracking.reference`."""
         state, target = env.robot_state, self._target()
         links = self._link_index(env)
         to_root = state.root_rotation_w.transpose(1, 2)

@@ -1,9 +1,8 @@
-"""A scene in MuJoCo, with soft convex contacts (always available); the interface of all engines of the stand-in."""
+"""A scene in MuJoCo, with soft convex contacts; it is always available."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -22,24 +21,6 @@ class RootMotion:
     lin_vel_w: Float[np.ndarray, " 3"]
     """Velocity of its origin [m/s]."""
     ang_vel_w: Float[np.ndarray, " 3"]
-
-
-@runtime_checkable
-class Engine(Protocol):
-    """A simulated scene, h hinges in the scene's order."""
-
-    label: str
-    """Name of the engine in results."""
-
-    def step(self, torque: Float[np.ndarray, " h"]) -> None:
-        """Advance by one basic timestep with hinge torques [N m]."""
-        ...
-
-    def joint_pos(self) -> Float[np.ndarray, " h"]:
-        """Hinge positions [rad], zero as in the PROTO."""
-        ...
-
-    def root(self) -> RootMotion: ...
 
 
 def start_poses(scene: SceneModel) -> tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 4"]]:
@@ -66,18 +47,18 @@ GEOMS = {
 class MujocoEngine:
     """The bodies of a scene as a MuJoCo model; contact softness is MuJoCo's own."""
 
-    label = "mujoco (stand-in, not Webots)"
-
     def __init__(self, scene: SceneModel):
         self.model = mujoco_scene(scene)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, torque: Float[np.ndarray, " h"]) -> None:
+        """Advance by one basic timestep with hinge torques [N m], in the scene's order."""
         self.data.qfrc_applied[6:] = torque
         mujoco.mj_step(self.model, self.data)
 
     def joint_pos(self) -> Float[np.ndarray, " h"]:
+        """Hinge positions [rad], zero as in the PROTO."""
         return self.data.qpos[7:].copy()
 
     def root(self) -> RootMotion:
@@ -101,7 +82,7 @@ def mujoco_scene(scene: SceneModel) -> mujoco.MjModel:
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 0.05],
-        friction=[scene.contact.friction, 0.005, 0.0001],
+        friction=[scene.friction, 0.005, 0.0001],
     )
     made: list[mujoco.MjsBody] = []
     for body in scene.bodies:
@@ -139,7 +120,7 @@ def _add_body(parent: mujoco.MjsBody, body: Body, scene: SceneModel) -> mujoco.M
             size=_size(shape),
             pos=shape.pos,
             quat=shape.quat,
-            friction=[scene.contact.friction, 0.005, 0.0001],
+            friction=[scene.friction, 0.005, 0.0001],
             contype=bits,
             conaffinity=1,
         )

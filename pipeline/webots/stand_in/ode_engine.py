@@ -66,8 +66,6 @@ def _with_worlds(module: Any) -> Any:
 class OdeEngine:
     """The bodies of a scene in ODE; a body's origin there is its centre of mass."""
 
-    label = "ode (Webots' engine family, upstream, stand-in, not Webots)"
-
     def __init__(self, scene: SceneModel, ode: Any | None = None):
         self.scene, self.ode = scene, ode or load_ode()
         self.timestep_s = scene.timestep_ms / 1000.0
@@ -106,11 +104,6 @@ class OdeEngine:
             lin_vel_w=np.array(body.getLinearVel()) + np.cross(turning, arm_w),
             ang_vel_w=turning,
         )
-
-    def gap(self) -> float:
-        """Largest distance [m] between the two anchors of a hinge: the drift of the constraints."""
-        apart = [np.subtract(hinge.getAnchor(), hinge.getAnchor2()) for hinge in self.hinges]
-        return float(np.linalg.norm(apart, axis=1).max())
 
     def _body(self, body: Body, pos: np.ndarray, quat: np.ndarray) -> Any:
         made = self.ode.Body(self.world)
@@ -161,7 +154,7 @@ class OdeEngine:
             return
         for contact in ode.collide(one, two):
             contact.setMode(ode.ContactSoftERP | ode.ContactSoftCFM | ode.ContactApprox1)
-            contact.setMu(self.scene.contact.friction)
-            contact.setSoftERP(self.scene.contact.soft_erp)
-            contact.setSoftCFM(self.scene.contact.soft_cfm)
+            contact.setMu(self.scene.friction)
+            contact.setSoftERP(self.scene.soft_erp)
+            contact.setSoftCFM(self.scene.soft_cfm)
             ode.ContactJoint(self.world, self.contacts, contact).attach(first, second)

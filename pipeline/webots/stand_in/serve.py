@@ -15,7 +15,8 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.webots.scene_model import SceneModel, read_scene
-from pipeline.webots.stand_in.mujoco_engine import Engine, RootMotion
+from pipeline.webots.stand_in.mujoco_engine import MujocoEngine, RootMotion
+from pipeline.webots.stand_in.ode_engine import OdeEngine
 
 API = Path(__file__).resolve().parent / "api"
 """Folder of the module `controller`."""
@@ -27,7 +28,7 @@ GRACE_S = 5.0
 class Simulation:
     """An engine with the devices of a scene."""
 
-    def __init__(self, scene: SceneModel, engine: Engine):
+    def __init__(self, scene: SceneModel, engine: MujocoEngine | OdeEngine):
         self.scene, self.engine = scene, engine
         self.motors = {hinge.motor: index for index, (_, hinge) in enumerate(scene.hinges)}
         self.sensors = {hinge.sensor: index for index, (_, hinge) in enumerate(scene.hinges)}
@@ -40,16 +41,9 @@ class Simulation:
 
     def hello(self) -> dict[str, Any]:
         """First message to a controller: devices, timestep, supervisor state."""
-        devices: dict[str, list[Any]] = {name: ["PositionSensor"] for name in self.sensors}
-        for _, hinge in self.scene.hinges:
-            devices[hinge.motor] = ["Motor", hinge.max_torque, hinge.max_velocity]
-        devices |= {name: [kind] for name, (kind, _) in self.scene.imu.items()}
-        return {
-            "name": self.scene.name,
-            "timestep_ms": self.scene.timestep_ms,
-            "devices": devices,
-            "truth": self.truth(),
-        }
+        motors = {hinge.motor: hinge.max_torque for _, hinge in self.scene.hinges}
+        sensors = [*self.sensors, *self.scene.imu]
+        return {"timestep_ms": self.scene.timestep_ms, "motors": motors, "sensors": sensors, "truth": self.truth()}
 
     def step(self, message: dict[str, Any]) -> dict[str, Any]:
         """Advance by the requested time and return the sensor values."""
@@ -60,7 +54,7 @@ class Simulation:
             self.last = self.root
             self.engine.step(torque)
             self.root, self.steps = self.engine.root(), self.steps + 1
-        return {"time": self.time_s, "truth": self.truth(), "values": self.values(message["enabled"])}
+        return {"truth": self.truth(), "values": self.values(message["enabled"])}
 
     def truth(self) -> dict[str, list[float]]:
         """Supervisor state: pose of the origin and, as in Webots, velocity of the centre of mass."""
@@ -74,10 +68,11 @@ class Simulation:
 
     def values(self, enabled: dict[str, int]) -> dict[str, list[float]]:
         """Values of the sensors that are enabled and due."""
-        due = [name for name, period in enabled.items() if round(self.time_s * 1000.0) % period == 0]
         joint_pos = self.engine.joint_pos()
         found = {}
-        for name in due:
+        for name, period in enabled.items():
+            if round(self.time_s * 1000.0) % period:
+                continue
             if name in self.sensors:
                 found[name] = [float(joint_pos[self.sensors[name]])]
             else:
@@ -101,22 +96,14 @@ def _velocity_at(place: np.ndarray, root: RootMotion) -> np.ndarray:
     return root.lin_vel_w + np.cross(root.ang_vel_w, rotation.rotate(root.quat_w, place))
 
 
-def make_engine(name: str, scene: SceneModel) -> Engine:
-    """The engine `mujoco` or `ode`. Raises OdeNotFoundError."""
-    if name == "ode":
-        from pipeline.webots.stand_in.ode_engine import OdeEngine
-
-        return OdeEngine(scene)
-    from pipeline.webots.stand_in.mujoco_engine import MujocoEngine
-
-    return MujocoEngine(scene)
-
-
 def serve(world: Path, engine: str) -> int:
-    """Run a world until its controller ends it; the exit status. Raises FileError, OdeNotFoundError."""
+    """Run a world in the engine `mujoco` or `ode` until its controller ends it; the exit status.
+
+    Raises FileError, OdeNotFoundError.
+    """
     world = world.resolve()  # the controller has another working directory
     scene = read_scene(world)
-    simulation = Simulation(scene, make_engine(engine, scene))
+    simulation = Simulation(scene, OdeEngine(scene) if engine == "ode" else MujocoEngine(scene))
     program = world.parent.parent / "controllers" / scene.controller / f"{scene.controller}.py"
     if not program.is_file():
         raise FileError(program, "the controller that the world names is missing.")
@@ -140,15 +127,11 @@ def serve(world: Path, engine: str) -> int:
 def _talk(simulation: Simulation, ours: socket.socket) -> int:
     """Answer the controller until it quits or disconnects."""
     with ours, ours.makefile("rw", encoding="utf-8") as stream:
-        answer: dict[str, Any] | None = simulation.hello()
-        while answer is not None:
+        answer = simulation.hello()
+        while True:
             stream.write(json.dumps(answer) + "\n")
             stream.flush()
-            line = stream.readline()
-            if not line:
-                return 0
-            message = json.loads(line)
+            message = json.loads(stream.readline() or '{"quit": 0}')
             if "quit" in message:
                 return int(message["quit"])
             answer = simulation.step(message)
-    return 0

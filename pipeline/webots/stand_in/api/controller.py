@@ -14,62 +14,37 @@ import socket
 SOCKET_VARIABLE = "BOOSTER_LAB_STAND_IN"
 
 
-class Device:
-    """A device of the robot."""
-
-    def __init__(self, robot: Robot, name: str):
-        self._robot, self._name, self._period = robot, name, 0
-
-    def getName(self) -> str:
-        return self._name
-
-    def enable(self, samplingPeriod: int) -> None:
-        if samplingPeriod <= 0:
-            raise ValueError(f"the sampling period {samplingPeriod} of '{self._name}' is not above 0")
-        self._period = samplingPeriod
-        self._robot._enabled[self._name] = samplingPeriod
-
-    def getSamplingPeriod(self) -> int:
-        return self._period
-
-    def _value(self, size: int) -> list[float]:
-        return self._robot._values.get(self._name, [math.nan] * size)
-
-
-class Motor(Device):
-    def __init__(self, robot: Robot, name: str, max_torque: float, max_velocity: float):
-        super().__init__(robot, name)
-        self._max_torque, self._max_velocity = max_torque, max_velocity
+class Motor:
+    def __init__(self, robot: Robot, name: str, max_torque: float):
+        self._robot, self._name, self._max_torque = robot, name, max_torque
 
     def setTorque(self, torque: float) -> None:
         self._robot._torque[self._name] = min(max(torque, -self._max_torque), self._max_torque)
 
-    def getMaxTorque(self) -> float:
-        return self._max_torque
 
-    def getMaxVelocity(self) -> float:
-        return self._max_velocity
+class Sensor:
+    """A position sensor, gyro, accelerometer or inertial unit."""
 
+    def __init__(self, robot: Robot, name: str):
+        self._robot, self._name = robot, name
 
-class PositionSensor(Device):
+    def enable(self, samplingPeriod: int) -> None:
+        if samplingPeriod <= 0:
+            raise ValueError(f"the sampling period {samplingPeriod} of '{self._name}' is not above 0")
+        self._robot._enabled[self._name] = samplingPeriod
+
     def getValue(self) -> float:
         return self._value(1)[0]
 
-
-class Gyro(Device):
     def getValues(self) -> list[float]:
         return self._value(3)
 
-
-class Accelerometer(Device):
-    def getValues(self) -> list[float]:
-        return self._value(3)
-
-
-class InertialUnit(Device):
     def getQuaternion(self) -> list[float]:
         """x, y, z, w"""
         return self._value(4)
+
+    def _value(self, size: int) -> list[float]:
+        return self._robot._values.get(self._name, [math.nan] * size)
 
 
 class Node:
@@ -97,32 +72,17 @@ class Robot:
         self._stream = socket.socket(fileno=int(os.environ[SOCKET_VARIABLE])).makefile("rw", encoding="utf-8")
         hello = self._receive()
         self._step_ms: float = hello["timestep_ms"]
-        self._name: str = hello["name"]
         self._truth: dict[str, list[float]] = hello["truth"]
         self._torque: dict[str, float] = {}
         self._enabled: dict[str, int] = {}
         self._values: dict[str, list[float]] = {}
-        self._time = 0.0
-        self._devices: dict[str, Device] = {}
-        kinds = {
-            "PositionSensor": PositionSensor,
-            "Gyro": Gyro,
-            "InertialUnit": InertialUnit,
-            "Accelerometer": Accelerometer,
-        }
-        for name, (kind, *numbers) in hello["devices"].items():
-            self._devices[name] = Motor(self, name, *numbers) if kind == "Motor" else kinds[kind](self, name)
+        self._devices: dict[str, Motor | Sensor] = {name: Sensor(self, name) for name in hello["sensors"]}
+        self._devices |= {name: Motor(self, name, torque) for name, torque in hello["motors"].items()}
 
     def getBasicTimeStep(self) -> float:
         return self._step_ms
 
-    def getName(self) -> str:
-        return self._name
-
-    def getTime(self) -> float:
-        return self._time
-
-    def getDevice(self, name: str) -> Device | None:
+    def getDevice(self, name: str) -> Motor | Sensor | None:
         if name not in self._devices:
             print(f"Error: the device '{name}' was not found.", flush=True)
         return self._devices.get(name)
@@ -134,7 +94,7 @@ class Robot:
         answer = self._receive()
         if answer.get("end"):
             return -1
-        self._time, self._truth = answer["time"], answer["truth"]
+        self._truth = answer["truth"]
         self._values.update(answer["values"])
         return 0
 
