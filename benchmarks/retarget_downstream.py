@@ -33,8 +33,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.gmr import Gmr  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from benchmarks.retarget_runs import HandedOn, handed_on, motion_files  # noqa: E402
-from pipeline.actuators import read_actuators, torque_envelope  # noqa: E402
-from pipeline.actuators.adapted_robot import adapt, write_adapted_robot  # noqa: E402
+from pipeline.actuators.adapted_robot import adapt, read_actuators, torque_envelope, write_adapted_robot  # noqa: E402
 from pipeline.actuators.settings import ActuatorSettings  # noqa: E402
 from pipeline.batch.pool import ClipPool  # noqa: E402
 from pipeline.cli.chain import Chain  # noqa: E402

@@ -215,7 +215,7 @@ def _most_evidence(evidence: Float[np.ndarray, " t"]) -> int:
 
 PLANT_SMOOTH_S = 0.05
 """The correcting velocity is smoothed over this time, so that the body takes no step [s]."""
-FADE_S = 0.1
+PLANT_FADE_S = 0.1
 """Time over which the correcting velocity fades to zero beside the stretch that slides [s]."""
 
 
@@ -256,8 +256,8 @@ def planted(clip: HumanClip, feet: Feet, contacts: Contacts, within: slice, high
 
 
 def _fading(away_s: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-    """1 at no distance in time, 0 from `FADE_S` on, without a step in value or slope."""
-    share = np.clip(away_s / FADE_S, 0.0, 1.0)
+    """1 at no distance in time, 0 from `PLANT_FADE_S` on, without a step in value or slope."""
+    share = np.clip(away_s / PLANT_FADE_S, 0.0, 1.0)
     return 1.0 - share**2 * (3.0 - 2.0 * share)
 
 
