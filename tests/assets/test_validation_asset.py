@@ -39,7 +39,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     project: Project, robot: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     still = still_policy(deployment_task(robot))
-    monkeypatch.setattr(validation, "served_policy", lambda manifest: still)
+    monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
 
     passed_now = project.simulated_failures("t1", "mujoco") / "of_an_earlier_verdict.mcap"
     passed_now.parent.mkdir(parents=True)
@@ -82,4 +82,4 @@ def test_other_engines_say_the_digest_of_what_they_walk_too(
     monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
     exported = Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": {"digest": "another"}})
     found = policy.evaluated_policy(policy.EvaluatedPolicyConfig(), exported, "t1")
-    assert found.digest == digest(still)
+    assert digest(found.policy) == digest(still)
