@@ -56,15 +56,15 @@ class Checkout:
         return Checkout(root)
 
     def with_answers_of(self, project: Path) -> "Checkout":
-        """This checkout with links to the blobs and answers in the store of `project`, where it has one.
+        """This checkout with the blobs and answers in the store of `project`, where it has one.
 
         Answers are found by the digests of code, settings and clip, so equal code finds them and other code works
-        afresh. Blobs are replaced, never written into, so a link is as good as a copy.
+        afresh.
         """
-        for folder in ("blobs", "memo"):
+        for folder in ("blobs", "shards", "memo"):
             source = project / "data/store" / folder
             if source.is_dir():
-                shutil.copytree(source, self.root / "data/store" / folder, copy_function=os.link)
+                shutil.copytree(source, self.root / "data/store" / folder, copy_function=_link_or_copy)
         return self
 
     def with_less_to_do(self, frames: dict[str, int]) -> "Checkout":
@@ -187,6 +187,14 @@ class Checkout:
         import pandas as pd
 
         return set(pd.read_parquet(self.root / "data/expert_db/t1/index.parquet")["source_file"])
+
+
+def _link_or_copy(source: str, target: str) -> None:
+    """Files of a store are replaced, never written into, so a link is as good as a copy, where there can be one."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
 
 
 def first_frames(text: str, count: int) -> str:
