@@ -164,8 +164,6 @@ class Rows(Generic[Row]):
             )
         return isinstance(other, tuple) and tuple(self) == other
 
-    __hash__ = None  # type: ignore[assignment]  # as a list, which it is compared like
-
     def __repr__(self) -> str:
         return f"Rows({len(self)} in {len(self.shards)} shards)"
 

@@ -1,0 +1,102 @@
+"""Work on clips in a worker process: each one's outcome as an answer of JSON types, its clips stored.
+
+An error of one clip is its answer, and the others go on. One that is not the clip's own is `failed`: the memo does not
+keep it, and the next run tries again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.rows import Entry
+from pipeline.batch.store import Store
+from pipeline.clips.codec import faults_of
+from pipeline.clips.outcome import Clip, Outcome, Piece
+from pipeline.errors import ClipError, FileError
+
+
+def work_on_clips(
+    function: Callable[..., Outcome], prepare: Callable[..., Any] | None, store: Store, entries: list[Entry]
+) -> list[dict[str, Any]]:
+    """Answers for clips of one motion, prepared when the first needs it; where that fails, each fails by itself."""
+    prepared: list[Any] = []
+
+    def work(clip: Clip, numbers: dict[str, Any]) -> Outcome:
+        if prepare is None:
+            return function(clip, numbers)
+        if not prepared:
+            prepared.append(prepare(clip))
+        return function(clip, numbers, prepared=prepared[0])
+
+    answers = []
+    for entry in entries:
+        clip = store.get_clip(entry.blob, entry.clip)
+        seconds_in = entry.numbers.get("seconds", clip.duration_s)
+        answers.append(_answer(partial(work, clip, entry.numbers), store, entry.clip, seconds_in))
+    return answers
+
+
+def work_on_files(
+    function: Callable[..., Outcome], store: Store, files: list[tuple[str, Path, tuple]]
+) -> list[dict[str, Any]]:
+    """Answers for files; one that this process does not see is a failure, which the next run tries again."""
+    answers = []
+    for name, path, arguments in files:
+        if path.exists():
+            answers.append(_answer(partial(function, path, name, *arguments), store, name, None))
+        else:
+            text = f"{path}: it is not there for the process that reads it; mount its folder there under this path."
+            answers.append(rejection("failed", text, None, failed=True))
+    return answers
+
+
+def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: float | None) -> dict[str, Any]:
+    """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection."""
+    failed = False
+    try:
+        outcome = work()
+    except (ClipError, FileError) as error:
+        code = error.code if isinstance(error, ClipError) else "unreadable"
+        return rejection(code, str(error), seconds_in, failed)
+    except Exception as error:  # a fault of ours must not stop the other clips; it is tried again in the next run
+        text = f"clip '{name}': the stage failed with {type(error).__name__}: {error}"
+        return rejection("failed", text, seconds_in, failed=True)
+    pieces = [
+        {"clip": piece.clip.name, "blob": store.put_clip(piece.clip), "numbers": _plain(piece.numbers)}
+        for piece in outcome.pieces
+    ]
+    seconds_out = sum(_seconds(piece) for piece in outcome.pieces)
+    numbers = {"seconds_in": seconds_in, "seconds_out": seconds_out, **_plain(outcome.numbers)}
+    if numbers["seconds_in"] is None:
+        numbers["seconds_in"] = numbers.get("seconds", numbers["seconds_out"])
+    return {
+        "failed": failed,
+        "pieces": pieces,
+        "unsound": [(piece.clip.name, fault) for piece in outcome.pieces for fault in faults_of(piece.clip)],
+        "reasons": [_plain(reason.to_dict()) for reason in outcome.reasons],
+        "numbers": numbers,
+    }
+
+
+def _seconds(piece: Piece) -> float:
+    """Length of a piece [s]; a window of a whole clip says its own."""
+    return float(piece.numbers.get("seconds") or piece.clip.duration_s)
+
+
+def rejection(code: str, text: str, seconds_in: float | None, failed: bool) -> dict[str, Any]:
+    reason = {"code": code, "text": text, "effect": "rejected"}
+    numbers = {"seconds_in": seconds_in or 0.0, "seconds_out": 0.0}
+    return {"failed": failed, "pieces": [], "unsound": [], "reasons": [reason], "numbers": numbers}
+
+
+def _plain(numbers: Any) -> dict[str, Any]:
+    """JSON types: numpy scalars become Python's, a number that is not finite becomes None."""
+    plain = {}
+    for name, value in numbers.items():
+        value = value.item() if hasattr(value, "item") else value
+        plain[name] = None if isinstance(value, float) and not math.isfinite(value) else value
+    return plain
