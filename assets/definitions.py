@@ -17,7 +17,7 @@ from assets.limit_cycles import limit_cycles
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.plan import robot_plans
 from assets.policy import exported_policy
-from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.project import PROJECT
 from assets.release import release_report, released
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
@@ -31,6 +31,7 @@ from assets.sensors import (
 )
 from assets.source_jobs import rerun_source
 from assets.sources import raw_motions
+from assets.tracker_choice import job_of
 from assets.tracking_policy import tracker_jobs
 from assets.validation import mujoco_validation
 from assets.webots import webots_validation
@@ -54,7 +55,7 @@ def training_jobs(robots: tuple[str, ...]) -> list[Any]:
     """The job `train` of each robot (`train_k1` of another one): started by a person, never by itself."""
     return [
         dg.define_asset_job(
-            "train" if robot == DEFAULT_ROBOT else f"train_{robot}",
+            job_of("train", robot),
             selection=dg.AssetSelection.assets(robot_plans(robot)["amp_policy"].key),
             description="Trains a policy on the expert database, which is brought up to date first.",
         )

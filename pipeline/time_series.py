@@ -101,6 +101,11 @@ def moving_mean(values: np.ndarray, width: int) -> np.ndarray:
     return (total[high] - total[low]) / (high - low).reshape(-1, *([1] * (values.ndim - 1)))
 
 
+def smoothstep(share: np.ndarray) -> np.ndarray:
+    """A share of 0 to 1 (any shape) that leaves 0 and reaches 1 without a step in slope."""
+    return share**2 * (3.0 - 2.0 * share)
+
+
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """Half-open frame ranges [start, stop) in which the boolean `mask` (t,) holds."""
     padded = np.concatenate([[False], np.asarray(mask, dtype=bool), [False]])

@@ -257,8 +257,7 @@ def planted(clip: HumanClip, feet: Feet, contacts: Contacts, within: slice, high
 
 def _fading(away_s: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     """1 at no distance in time, 0 from `PLANT_FADE_S` on, without a step in value or slope."""
-    share = np.clip(away_s / PLANT_FADE_S, 0.0, 1.0)
-    return 1.0 - share**2 * (3.0 - 2.0 * share)
+    return 1.0 - time_series.smoothstep(np.clip(away_s / PLANT_FADE_S, 0.0, 1.0))
 
 
 def _slide(feet: Feet, contacts: Contacts) -> Float[np.ndarray, "t 2"]:

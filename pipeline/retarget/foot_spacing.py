@@ -7,8 +7,6 @@ discs miss, are measured on the rectangles.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
@@ -25,9 +23,8 @@ SPACING_ROUNDS = 4
 CORNER = 1.1
 """Radius of a disc / half width of the sole: lets the discs cover most of the corners."""
 
-
 CORNER_GAP = 0.005
-"""[m] Gap between the corners of soles that are turned against each other; more would turn shanks off."""
+"""Gap between the corners of soles that are turned against each other; more would turn shanks off [m]."""
 
 
 def overlap(
@@ -75,8 +72,8 @@ def corner_overlap(
         return lacking
     along, across = [each[near] for each in along], [each[near] for each in across]
     places = np.concatenate(along, axis=1)
-    inner = _outline(along[0], across[0], places, np.min)
-    outer = _outline(along[1], across[1], places, np.max)
+    inner = -_outline(along[0], -across[0], places)
+    outer = _outline(along[1], across[1], places)
     lacking[near] = np.nan_to_num(outer - inner, nan=0.0).max(axis=1).clip(min=0.0)
     return lacking
 
@@ -95,20 +92,16 @@ def _corners(
 
 
 def _outline(
-    along: Float[np.ndarray, "t 4"],
-    across: Float[np.ndarray, "t 4"],
-    places: Float[np.ndarray, "t p"],
-    end: Callable[..., np.ndarray],
+    along: Float[np.ndarray, "t 4"], across: Float[np.ndarray, "t 4"], places: Float[np.ndarray, "t p"]
 ) -> Float[np.ndarray, "t p"]:
-    """Lowest or highest (`end`) lateral place of a rectangle at each of `places` along the heading; NaN outside."""
+    """Leftmost place [m] of a rectangle at each of `places` [m] along the heading; NaN outside."""
     start, stop = along[:, :, None], np.roll(along, -1, axis=1)[:, :, None]
     way = np.where(np.abs(stop - start) > 1e-9, stop - start, 1e-9)
     share = (places[:, None, :] - start) / way
     from_w, to_w = across[:, :, None], np.roll(across, -1, axis=1)[:, :, None]
     on_edge = np.where((share >= -1e-9) & (share <= 1.0 + 1e-9), from_w + share * (to_w - from_w), np.nan)
-    outside = np.isnan(on_edge).all(axis=1)
-    found = end(np.where(np.isnan(on_edge), np.inf if end is np.min else -np.inf, on_edge), axis=1)
-    return np.where(outside, np.nan, found)
+    found = np.where(np.isnan(on_edge), -np.inf, on_edge).max(axis=1)
+    return np.where(np.isinf(found), np.nan, found)
 
 
 def lateral_way(
@@ -220,5 +213,5 @@ def _window(swings: Bool[np.ndarray, " t"], spread: float) -> Float[np.ndarray, 
         before = index - start + 1.0 if start > 0 else np.full(len(index), np.inf)
         after = stop - index + 0.0 if stop < len(swings) else np.full(len(index), np.inf)
         share = np.minimum(np.minimum(before, after) / (spread + 1.0), 1.0)
-        window[start:stop] = share**2 * (3.0 - 2.0 * share)
+        window[start:stop] = time_series.smoothstep(share)
     return window

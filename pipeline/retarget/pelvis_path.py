@@ -91,6 +91,5 @@ def fading_grip(firm: Bool[np.ndarray, "t 2"], settings: PelvisSettings, fps: fl
         if not firm[:, side].any():
             continue
         distance = np.asarray(distance_transform_edt(~firm[:, side]))
-        away = np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0)
-        grip[:, side] = away**2 * (3.0 - 2.0 * away)
+        grip[:, side] = time_series.smoothstep(np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0))
     return grip
