@@ -110,7 +110,7 @@ def test_the_digest_of_a_manifest_read_back_is_that_of_its_content(tmp_path):
 
 def test_a_manifest_of_many_clips_is_written_a_shard_at_a_time(tmp_path):
     numbers = {f"number {index}": index / 7 for index in range(100)}
-    entries = tuple(Entry(clip=f"clip{index:04d}", blob="0" * 64, numbers=numbers) for index in range(1000))
+    entries = tuple(Entry(clip=f"clip{index:04d}", blob="0" * 64, numbers=numbers) for index in range(4000))
     manifest, store = Manifest(stage="made", entries=entries, judged=()), Store(root=tmp_path)
     tracemalloc.start()
     try:
