@@ -83,13 +83,16 @@ def smoothed_path(
     return planned_w + share[:, None] * way_w
 
 
-def fading_grip(firm: Bool[np.ndarray, "t 2"], settings: PelvisSettings, fps: float) -> Float[np.ndarray, "t 2"]:
-    """How firmly each foot is held to its place: 1 where `firm`, fading to 0 over `fade_s` outside."""
+def fading_grip(
+    firm: Bool[np.ndarray, "t 2"], held: Float[np.ndarray, " t"], settings: PelvisSettings, fps: float
+) -> Float[np.ndarray, "t 2"]:
+    """How firmly each foot is held to its place: 1 where `firm`, fading to 0 over `fade_s` where the pelvis is held."""
     grip = firm.astype(float)
     reach = settings.fade_s * fps
     for side in range(2):
         if not firm[:, side].any():
             continue
         distance = np.asarray(distance_transform_edt(~firm[:, side]))
-        grip[:, side] = time_series.smoothstep(np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0))
+        fading = time_series.smoothstep(np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0))
+        grip[:, side] = np.where(held > 0.0, fading, grip[:, side])
     return grip

@@ -65,13 +65,16 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
     held = held_share(planned_w, _pelvis_pos_w(first, robot), settings.pelvis, fps)
     if held.any():
-        grip = fading_grip(targets.grip > 0.5, settings.pelvis, fps)
-        targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
-        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
+        targets = dataclasses.replace(
+            targets, pelvis_held=held, grip=fading_grip(targets.grip > 0.5, held, settings.pelvis, fps)
+        )
+        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first, held > 0.0)
     smoother = _with_smoothed_path(targets, planned_w, first, settings, robot)
     if smoother is not None:
         targets = smoother
-        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
+        first = start = solver.solve(
+            human.name, targets, rest, weights.posture_first, settings, first, targets.pelvis_smoothed > 0.0
+        )
     posture = time_series.smooth(first.joint_pos, fps, settings.posture_smooth_hz)
     posture_weight = weights.posture_second_held if held.any() else weights.posture_second
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
@@ -80,7 +83,9 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     smoother = _with_smoothed_path(targets, planned_w, second, settings, robot)
     if smoother is not None:
         targets = smoother
-        second = solver.solve(human.name, targets, posture, posture_weight, settings, second)
+        second = solver.solve(
+            human.name, targets, posture, posture_weight, settings, second, targets.pelvis_smoothed > 0.0
+        )
     return targets, second
 
 

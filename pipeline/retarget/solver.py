@@ -11,7 +11,7 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 import placo
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
@@ -34,6 +34,9 @@ ANKLE_MARGIN = 0.06
 
 RESETTLE_ITERATIONS = 6
 """Solves on frame 0 from a solution for nearly the same targets."""
+
+BACK_ON_START = 1e-5
+"""Largest difference [m, rad] of two solutions of a frame that count as the same."""
 
 DAMPING = 1e-6
 """Weight of the step's square; it keeps the program strictly convex."""
@@ -98,15 +101,25 @@ class Solver:
         posture_weight: float,
         settings: RetargetSettings,
         start: Trajectory | None = None,
+        changed: Bool[np.ndarray, " t"] | None = None,
     ) -> Trajectory:
         """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
 
         It settles on frame 0 from `posture`, or in fewer solves from the first frame of a similar trajectory `start`.
         Raises ClipError that names the clip and the frame where the program has no solution.
+
+        Args:
+            clip: its name
+            targets: what is followed
+            posture: joints that the solution is drawn to [rad]
+            posture_weight: by how much [1/rad^2]
+            settings: weights, rate and limits
+            start: a trajectory for similar targets
+            changed: frames whose targets are not those of `start`. Only these are solved, and those behind them until
+                the motion is back on `start`; all others are taken from it. None: all frames are solved.
         """
         frames = len(posture)
         feed = _Feed(self, targets, posture)
-        states = np.empty((frames, len(self._wrapper.state.q)))
         if start is None:
             self._start(targets.pelvis_pos_w[0], targets.trunk_quat_w[0], posture[0])
         else:
@@ -114,7 +127,16 @@ class Solver:
         settling = settings.settle_iterations if start is None else min(RESETTLE_ITERATIONS, settings.settle_iterations)
         self._configure(settings.weights, posture_weight)
         self._limit_speed(settings)
+        states, todo = np.empty((frames, len(self._wrapper.state.q))), None
+        if start is not None and changed is not None:
+            states, todo = self._states_of(start), changed.tolist()
+        solving = todo is None or todo[0]
         for frame in range(frames):
+            if not solving:
+                if todo is None or not todo[frame]:
+                    continue
+                self._go_to(states[frame - 1])
+                self._solver.enable_velocity_limits(True)
             feed.set(frame, settings.weights)
             try:
                 for _ in range(settling if frame == 0 else 1):
@@ -125,7 +147,9 @@ class Solver:
                 raise ClipError(clip, "no_solution", problem, frame) from error
             if frame == 0:
                 self._solver.enable_velocity_limits(True)
-            states[frame] = self._wrapper.state.q
+            state = self._wrapper.state.q
+            solving = todo is None or todo[frame] or bool(np.abs(state - states[frame]).max() > BACK_ON_START)
+            states[frame] = state
         return Trajectory(
             root_pos_w=states[:, :3].copy(),
             root_quat_w=rotation.make_continuous(np.roll(states[:, 3:7], 1, axis=1)),
@@ -144,8 +168,19 @@ class Solver:
         q[:3] = root_pos_w
         q[3:7] = np.roll(root_quat_w, -1)
         q[self._columns] = np.clip(joint_pos, self._lower, self._upper)
+        self._go_to(q)
+
+    def _go_to(self, q: Float[np.ndarray, " q"]) -> None:
         self._wrapper.state.q = q
         self._wrapper.update_kinematics()
+
+    def _states_of(self, trajectory: Trajectory) -> Float[np.ndarray, "t q"]:
+        """placo's states of a trajectory: root position, root orientation xyzw, joints."""
+        states = np.tile(np.array(self._wrapper.state.q), (len(trajectory.joint_pos), 1))
+        states[:, :3] = trajectory.root_pos_w
+        states[:, 3:7] = np.roll(trajectory.root_quat_w, -1, axis=1)
+        states[:, self._columns] = trajectory.joint_pos
+        return states
 
     def _limit_speed(self, settings: RetargetSettings) -> None:
         self._solver.dt = 1.0 / settings.fps
