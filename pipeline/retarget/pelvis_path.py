@@ -42,20 +42,24 @@ def held_share(
 
 
 def smoothed_share(
-    planned_w: Float[np.ndarray, "t 3"], reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
+    planned_peak: float, reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
 ) -> Float[np.ndarray, " t"]:
     """How firmly the pelvis is held to `smoothed_path` in each frame, 0 (not at all) to 1.
 
-    0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's peak. Else it is 1 around frames
-    that accelerate by more than `smoothed_ratio` of that peak, and comes and goes over `fade_s`.
+    0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's peak [m/s^2]. Else it is 1 around
+    frames that accelerate by more than `smoothed_ratio` of that peak, and comes and goes over `fade_s`.
     """
-    peak = float(_acceleration(planned_w, fps).max())
-    ratio = _acceleration(reached_w, fps) / max(peak, settings.least_peak_m_s2)
+    ratio = _acceleration(reached_w, fps) / max(planned_peak, settings.least_peak_m_s2)
     if ratio.max() <= settings.jerky_ratio:
         return np.zeros(len(ratio))
     fade = settings.fade_s * fps
     nearby = maximum_filter1d((ratio > settings.smoothed_ratio).astype(float), 4 * round(fade) + 1)
     return gaussian_filter1d(nearby, fade, mode="nearest", truncate=3.0)
+
+
+def peak_acceleration(pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:
+    """Largest acceleration of a path, low-passed [m/s^2]."""
+    return float(_acceleration(pos_w, fps).max())
 
 
 def _acceleration(pos_w: Float[np.ndarray, "t 3"], fps: float) -> Float[np.ndarray, " t"]:
