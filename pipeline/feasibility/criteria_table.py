@@ -134,18 +134,18 @@ def read(
 def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
     """A row a criterion: how many clips there are, in how many some stretch broke it, in how many it did not apply, and
     the stretch that went on with least to spare."""
+    clip, (piece, verdict) = pd.factorize(table["clip"])[0], (table[name].to_numpy() for name in ("piece", "verdict"))
+    broken, silent, kept = verdict == BROKEN, verdict == NOT_APPLICABLE, (piece != "") & (verdict == HOLDS)
+    places = table.groupby("criterion", observed=True).indices
     rows = []
-    for code in [*codes(), *sorted(set(table["criterion"]) - set(REGISTERED))]:
-        own = table.query("criterion == @code")
-        if own.empty:
+    for code in [*codes(), *sorted(set(places) - set(REGISTERED))]:
+        if code not in places:
             continue
-        broken = set(own.loc[own["verdict"] == BROKEN, "clip"])
-        silent = set(own.loc[own["verdict"] == NOT_APPLICABLE, "clip"]) - set(
-            own.loc[own["verdict"] != NOT_APPLICABLE, "clip"]
-        )
-        first = own.iloc[0]
-        row = {"group": first["group"], "criterion": code, "clips": own["clip"].nunique(), "broken": len(broken)}
-        rows.append({**row, "not applicable": len(silent), **first[list(ORIGIN)], **_closest(own)})
+        own = places[code]
+        asked = set(clip[own[~silent[own]]])
+        row = {"group": table["group"].iloc[own[0]], "criterion": code, "clips": len(set(clip[own]))}
+        row |= {"broken": len(set(clip[own[broken[own]]])), "not applicable": len(set(clip[own[silent[own]]]) - asked)}
+        rows.append({**row, **table[list(ORIGIN)].iloc[own[0]], **_closest(table.iloc[own[kept[own]]])})
     return pd.DataFrame(rows, columns=list(BY_CRITERION))
 
 
@@ -221,10 +221,10 @@ def _margin(found: Found) -> float | None:
 
 
 def _closest(own: pd.DataFrame) -> dict[str, Any]:
-    """The stretch that went on with the smallest margin to one criterion."""
-    kept = own.query("piece != '' and verdict == 'holds'").dropna(subset=["margin"])
+    """Of stretches that went on, the one with the smallest margin to a criterion, by name where margins are equal."""
+    kept = own[own["margin"] == own["margin"].min()]
     if kept.empty:
         return {}
-    row = kept.sort_values(by=["margin", "piece"]).iloc[0]
+    row = kept.loc[kept["piece"].astype(str).idxmin()]
     found = {"closest margin": row["margin"], "closest number": row["number"], "threshold": row["threshold"]}
     return {**found, "closest clip": row["piece"], **row[list(ORIGIN)]}
