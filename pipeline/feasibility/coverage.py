@@ -57,7 +57,7 @@ def coverage(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSet
     # No other column: a clip has a row in the table by command for each box it visits, some of them long texts.
     rows = pd.DataFrame(rows, columns=[name for name in (*NEEDED, *WHERE_THERE) if name in rows])
     spent = by_command(rows)
-    of_clip = spent.pop("row").to_numpy()
+    of_clip = spent.pop("row").to_numpy(dtype=int)
     spent = spent[[name for name in ("seconds", "clip_seconds", "weight", *VELOCITIES) if name in spent]]
     family = families(rows, parents(rows), settings.same_gait) if len(rows) else rows["clip"]
     numbers = {"clip": np.arange(len(rows)), "family": pd.factorize(family)[0], "take": takes(rows["clip"])}
