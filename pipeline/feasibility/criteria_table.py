@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -158,12 +159,29 @@ def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
 def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows, none of which is kept: a number a cell, of a text which one it is."""
     cells: dict[str, list[Any]] = {name: [] for name in COLUMNS}
-    known: dict[str, str] = {}
+    add = [(name, cells[name].append) for name in COLUMNS if COLUMNS[name] != pa.string()]
+    known: dict[str, dict[str, int]] = {name: {} for name in COLUMNS if COLUMNS[name] == pa.string()}
+    add_text = [(name, places, cells[name].append) for name, places in known.items()]
     for row in rows:
-        for name, value in row.items():
-            cells[name].append(known.setdefault(value, value) if isinstance(value, str) else value)
-    kinds = {name: "category" if kind == pa.string() else float for name, kind in COLUMNS.items()}
-    return pd.DataFrame({name: pd.Series(cells.pop(name), dtype=kind) for name, kind in kinds.items()})
+        for name, append in add:
+            append(row[name])
+        for name, places, append in add_text:
+            append(places.setdefault(row[name], len(places)))
+    return pd.DataFrame(
+        {name: _texts(known[name], cells.pop(name)) if name in known else _floats(cells.pop(name)) for name in COLUMNS}
+    )
+
+
+def _floats(values: list[float | None]) -> np.ndarray:
+    return np.array(values, dtype=float)
+
+
+def _texts(places: Mapping[str, int], codes: list[int]) -> pd.Categorical:
+    """A category for each text, in their order, from the place of each row's text in `places`."""
+    texts = sorted(places)
+    order = np.empty(len(texts), dtype=int)
+    order[[places[text] for text in texts]] = np.arange(len(texts))
+    return pd.Categorical.from_codes(order[np.array(codes, dtype=int)], categories=pd.Index(texts, dtype="str"))
 
 
 def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dict[str, Any]]:

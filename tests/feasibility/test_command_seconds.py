@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pipeline import rotation
-from pipeline.feasibility.command_space import by_command, command_seconds_text
+from pipeline.feasibility.command_space import BOX, by_command, command_seconds_text
 from pipeline.quality.planar_motion import command_velocities
 
 
@@ -52,3 +52,11 @@ def test_seconds_of_a_clip_add_up_to_its_own_whether_it_carries_commands_or_not(
 def test_a_table_without_clips_has_no_seconds():
     empty = pd.DataFrame([_row("carries", 3.0)]).iloc[:0]
     assert by_command(empty).empty
+
+
+def test_boxes_are_those_of_numpys_unique_rows_in_their_order():
+    commands = np.random.default_rng(0).normal(0.0, [0.8, 0.3, 0.9], size=(2_000, 3))
+    boxes, frames = np.unique(np.floor(commands / BOX + 1e-9).astype(int), axis=0, return_counts=True)
+    found = np.array(json.loads(command_seconds_text(commands, 50.0)))
+    np.testing.assert_allclose(found[:, :3], (boxes + 0.5) * BOX, atol=1e-3)
+    np.testing.assert_allclose(found[:, 3], frames / 50.0, atol=1e-9)
