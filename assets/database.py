@@ -75,7 +75,7 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     title = f"{manifest['robot']} expert database"
     seconds = manifest["seconds_by_skill"]
     by_skill = pd.DataFrame({"skill": list(seconds), "seconds": [float(value) for value in seconds.values()]})
-    spent = index[[name for name in ("seconds", *VELOCITIES, SECONDS_COLUMN) if name in index]]
+    spent = pd.DataFrame(index, columns=[name for name in ("seconds", *VELOCITIES, SECONDS_COLUMN) if name in index])
     columns = ["clip", "skill", "seconds", "weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]
     return {
         "clips": manifest["clips"],

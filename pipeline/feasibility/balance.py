@@ -123,12 +123,12 @@ def effective_seconds(rows: pd.DataFrame, weight: np.ndarray) -> float:
     motion weighs the same: copies add nothing, and a family that weighs too much for its seconds takes from the others.
     """
     seconds = rows["seconds"].to_numpy(dtype=float)
-    return effective_seconds_of(pd.factorize(rows["family"])[0], takes(rows["clip"]), seconds, weight)
+    return effective_seconds_of(pd.factorize(rows["family"])[0], takes(rows), seconds, weight)
 
 
-def takes(clips: pd.Series) -> Int[np.ndarray, " n"]:
-    """A number for each clip, the same for windows and pieces of one take."""
-    return pd.factorize(clips.astype(object).str.replace(WITHIN_A_TAKE, "", regex=True))[0]
+def takes(rows: pd.DataFrame) -> Int[np.ndarray, " n"]:
+    """A number for the clip of each row, the same for windows and pieces of one take."""
+    return pd.factorize(rows["clip"].astype(object).str.replace(WITHIN_A_TAKE, "", regex=True))[0]
 
 
 def effective_seconds_of(

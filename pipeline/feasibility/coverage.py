@@ -60,7 +60,7 @@ def coverage(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSet
     of_clip = spent.pop("row").to_numpy(dtype=int)
     spent = spent[[name for name in ("seconds", "clip_seconds", "weight", *VELOCITIES) if name in spent]]
     family = families(rows, parents(rows), settings.same_gait) if len(rows) else rows["clip"]
-    numbers = {"clip": np.arange(len(rows)), "family": pd.factorize(family)[0], "take": takes(rows["clip"])}
+    numbers = {"clip": np.arange(len(rows)), "family": pd.factorize(family)[0], "take": takes(rows)}
     spent = spent.assign(**{name: values[of_clip] for name, values in numbers.items()})
     if "weight" in spent:
         spent = spent.assign(weight=spent["weight"] * spent["seconds"] / spent["clip_seconds"])

@@ -139,7 +139,7 @@ def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
     broken, silent, kept = verdict == BROKEN, verdict == NOT_APPLICABLE, (piece != "") & (verdict == HOLDS)
     places = table.groupby("criterion", observed=True).indices
     rows = []
-    for code in [*codes(), *sorted(set(places) - set(REGISTERED))]:
+    for code in [*codes(), *sorted(str(code) for code in places if code not in REGISTERED)]:
         if code not in places:
             continue
         own = places[code]
