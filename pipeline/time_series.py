@@ -14,7 +14,7 @@ def derivative(values: np.ndarray, fps: float) -> np.ndarray:
     """d/dt of `values` (t, ...) by central differences, one-sided at both ends; zero for one frame."""
     if len(values) < 2:
         return np.zeros_like(values, dtype=float)
-    rate = np.empty(values.shape)
+    rate = np.empty(values.shape, dtype=np.result_type(values.dtype, np.float32))
     rate[1:-1] = (values[2:] - values[:-2]) / (2.0 * (1.0 / fps))
     rate[0], rate[-1] = ((values[one] - values[one - 1]) / (1.0 / fps) for one in (1, -1))
     return rate
