@@ -1,7 +1,5 @@
 """The stage: one file's motion, measured and labelled, with the defects of the whole file corrected."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -11,8 +11,6 @@ represents the body: over correct recordings of four sources its fall is 7.4 to 
 joint positions scatters more.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The policy controller: sensor readings in, joint targets out, one control step at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 
@@ -42,7 +40,7 @@ class History:
     def __init__(self, task: DeploymentTask):
         self._frames = np.zeros((task.history, task.frame_size))
 
-    def copy(self) -> History:
+    def copy(self) -> "History":
         """A copy of the history."""
         twin = object.__new__(History)
         twin._frames = self._frames
@@ -88,7 +86,7 @@ class PolicyController:
         self.observation: Float[np.ndarray, " n"] = np.zeros(self.task.observation_size)
         """The latest observation."""
 
-    def fork(self) -> PolicyController:
+    def fork(self) -> "PolicyController":
         """A copy in the same state."""
         twin = PolicyController(self.task, self.policy)
         twin._history = self._history.copy()

@@ -4,8 +4,6 @@ Arrays of the file: `mean, std, eps` and layers `L0_w, L0_b, …` (ELU between, 
 gains it was trained with as `joint_names, kp, kd, default_joint_pos`, and examples `golden_observation, golden_action`.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """The deployment task: joints, default pose, gains, rates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -3,8 +3,6 @@
 The memo of the batch layer does without: an answer that is lost is asked again (`pipeline.batch.store`).
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

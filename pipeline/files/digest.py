@@ -1,7 +1,5 @@
 """Content digests: of bytes, files, folders and JSON values. SHA-256, hex."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable

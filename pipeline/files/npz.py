@@ -4,8 +4,6 @@ NumPy: never an object array. torch inflates whatever size is claimed, and does 
 maps into memory; so `check_torch_archive` does.
 """
 
-from __future__ import annotations
-
 import errno
 import lzma
 import pickle

@@ -4,8 +4,6 @@ The root turns by Y, X, Z so that no heading is singular, all other joints by Z,
 knee bent by more than a right angle nor a hanging arm is. Rotations multiply in the order of the channels.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 

@@ -3,8 +3,6 @@
 A sidecar is its description, expected results in the pipeline, and seconds of each commanded skill.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,6 @@ A spline through the frames beside a gap is as good as anything up to 0.1 s (Sen
 accelerations; in longer gaps it may overshoot, so a straight line is used, which gives the mean velocity.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Sources know three: the speed of the ankle, of the sole's centre, of a corner. H
 of the sole's lowest corner while the foot is in contact, which is 0 for a foot that rolls over heel and toe.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -5,8 +5,6 @@ of freedom turn about: R = C R(dof) C^-1. Euler angles XYZ mean Rz Ry Rx. A bone
 parent's end.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from pathlib import Path

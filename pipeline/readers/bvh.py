@@ -5,8 +5,6 @@ as a whole. A position channel replaces that component of the joint's OFFSET (fi
 repeat the offset there); rotations are intrinsic, in the order of the channels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain

@@ -4,8 +4,6 @@ The bytes are read by the library `c3d`, frame by frame. (ezc3d takes eleven tim
 damaged files that it was tried with.) Analog channels are passed over, as are angles, forces and points without a name.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

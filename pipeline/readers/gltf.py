@@ -4,8 +4,6 @@ The exporting program chooses the joints' frames in a glTF. Here they are turned
 pose, as in a BVH; names, tree and rest pose give the rest. Keys are sampled at their own rate.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ hierarchy: bones are the places of bodies in their parents' frames, and have to 
 proves the order of the quaternions too.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -14,8 +14,6 @@ that a map names (`up: y`) then are others; the rest pose shows it, because hips
 pelvis' frame.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """NumPy archives of motions: the caps that they have (`pipeline.files.npz`)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.files.npz import NpzCaps, NpzHeader, read_npz_header

@@ -3,8 +3,6 @@
 Their world poses are computed for the requested joints and frames; others take no memory.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -296,13 +294,13 @@ class RawMotion:
             index = self.parents[index]
         return total
 
-    def renamed(self, names: tuple[str, ...]) -> RawMotion:
+    def renamed(self, names: tuple[str, ...]) -> "RawMotion":
         """The same joints under other names, in the same order."""
         new = dict(zip(self.joint_names, names, strict=True))
         tips = {new[joint]: place for joint, place in self.tips.items()}
         return dataclasses.replace(self, joint_names=names, tips=tips)
 
-    def with_tips(self, joints: Sequence[str]) -> RawMotion:
+    def with_tips(self, joints: Sequence[str]) -> "RawMotion":
         """The motion with joints at the ends of some joints' bones, named `<joint> (end)`."""
         if not joints:
             return self

@@ -1,7 +1,5 @@
 """One motion file of any known format as a clip, with how it was understood."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

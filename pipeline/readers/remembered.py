@@ -5,8 +5,6 @@ source of `data/sources.yaml` that is no longer named, a folder that is gone and
 errors, which name what would leave the database.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass

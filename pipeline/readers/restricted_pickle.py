@@ -5,8 +5,6 @@ data and call nothing; any other name ends the reading. Files of `pickle.dump`, 
 not) and of `torch.save` are read without joblib and without torch.
 """
 
-from __future__ import annotations
-
 import pickle
 import re
 import shlex

@@ -6,8 +6,6 @@ next. This holds for standing and walking; in the flight phase of a run the lowe
 short there.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

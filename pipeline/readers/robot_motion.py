@@ -7,8 +7,6 @@ most headings the trunk is horizontal. Where both orders leave it upright (near 
 those that stand are level and do not slide.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ and soft tissue are not read. The pose is one array (`poses`, `pose_aa`: t x 66,
 (`root_orient` and `pose_body`, `global_orient` and `body_pose`); `trans` or `transl` (t, 3) [m] moves the root.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

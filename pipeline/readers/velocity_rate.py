@@ -1,7 +1,5 @@
 """The frame rate of a motion: as stated, as its file declares it, and checked against velocities in the file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

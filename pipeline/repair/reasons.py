@@ -1,7 +1,5 @@
 """What was found and done, in words and numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections import defaultdict

@@ -10,8 +10,6 @@ steps of about the same size, each many times the steps beside it. What the join
 frames are cut; a step without its opposite is no dropout.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -100,7 +98,7 @@ def _speed_limit(clip: RobotClip, robot: Robot | None, settings: RobotSettings) 
     return settings.speed_limit_share * robot.motor_speed_limit
 
 
-def _bad_frames(clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout]) -> tuple[FrameMask, list[Reason]]:
+def _bad_frames(clip: RobotClip, speed_limit: np.ndarray, dropouts: "list[Dropout]") -> tuple[FrameMask, list[Reason]]:
     """Frames to cut, and why."""
 
     def reason(code: str, low: int, high: int, problem: str, **numbers: float | str) -> Reason:

@@ -8,8 +8,6 @@ Decisions are written at the end of the file: the text above them, with its rema
 last key and its block is replaced as a whole; all other settings are read before and after and must be the same.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import fcntl
 import os

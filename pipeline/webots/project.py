@@ -1,7 +1,5 @@
 """A self-contained Webots project folder: PROTO, world, controller with policy and modules."""
 
-from __future__ import annotations
-
 import ast
 import json
 import sys

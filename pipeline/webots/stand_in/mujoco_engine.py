@@ -1,7 +1,5 @@
 """A scene in MuJoCo, with soft convex contacts; it is always available."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco
