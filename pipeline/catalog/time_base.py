@@ -26,7 +26,7 @@ from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Keys, Pattern, Range
 from pipeline.physics import GRAVITY
-from pipeline.quality.planar_motion import facing_of
+from pipeline.quality.planar_motion import facing_of, leg_length
 
 LEAST_SPREAD = 0.15
 """Between two steps the feet's lead over each other swings by at least this share of the leg's length."""
@@ -74,18 +74,10 @@ class Person:
 
     @functools.cached_property
     def leg_length(self) -> float:
-        """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
-        sides = []
-        for side in FEET:
-            hip, knee, ankle = (self.clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
-            length = rotation.length(knee - hip) + rotation.length(ankle - knee)
-            length = length[np.isfinite(length)]
-            sides.append(float(np.median(length)) if len(length) else float("nan"))
-        return sum(sides) / len(sides)
+        return leg_length(self.clip)
 
     @functools.cached_property
     def facing(self) -> np.ndarray:
-        """Horizontal normal of the line between the hips (t, 2), unit."""
         return facing_of(self.clip)
 
     @functools.cached_property

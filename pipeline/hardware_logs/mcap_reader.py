@@ -80,7 +80,7 @@ class Resync:
         if opcode != CHUNK or length > min(self._bounds.record_bytes, self._size - at):
             return False
         try:
-            return open_chunk(self._stream.read(length), self._bounds.record_bytes).has_crc
+            return open_chunk(self._stream.read(length), self._bounds.record_bytes)[1]
         except ValueError:
             return False
 
@@ -188,17 +188,17 @@ class McapReader:
 
     def _chunk(self, at: int, length: int) -> Iterator[Records | Loss]:
         try:
-            chunk = open_chunk(self._bytes(at + HEAD, length), self.bounds.record_bytes)
-            if self.report.checked and not chunk.has_crc:
+            data, has_crc = open_chunk(self._bytes(at + HEAD, length), self.bounds.record_bytes)
+            if self.report.checked and not has_crc:
                 raise ValueError("a chunk without a checksum, though others have theirs")
-            records = cut(chunk.data, whole=True)
+            records = cut(data, whole=True)
         except ValueError as error:
             yield self.report.lose(at, str(error))
             return
-        self._inflated += len(chunk.data)
+        self._inflated += len(data)
         if self._inflated > self.bounds.total_bytes:
             raise self.report.refuse(f"more than {self.bounds.total_bytes} bytes after inflation")
-        if chunk.has_crc:
+        if has_crc:
             self.report.checked += 1
         else:
             self.report.unchecked += 1

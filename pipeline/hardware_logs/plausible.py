@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 
 from pipeline.hardware_logs.columns import LINEAR, Columns
-from pipeline.hardware_logs.layout import Layout, PlausibleSettings
+from pipeline.hardware_logs.layout import PlausibleSettings
 from pipeline.physics import GRAVITY
+from pipeline.robot import Robot
 
 LEAST_REST = 50
 """Messages at rest below which gravity is no reason to refuse a log: joints that turn back are slow for a moment."""
@@ -22,7 +23,7 @@ class Plausible:
     """Looks at the messages of `/low_state` of one log, piece by piece."""
 
     settings: PlausibleSettings
-    layout: Layout
+    robot: Robot
     messages: int = 0
     not_finite: int = 0
     out_of_range: int = 0
@@ -49,10 +50,10 @@ class Plausible:
         """Note what is out of range in a piece of finite messages; those that are not."""
         values, limits = columns["joint_pos"], self.settings
         margin = limits.position_margin_rad
-        wrong = (values < self.layout.joint_lower - margin) | (values > self.layout.joint_upper + margin)
-        wrong |= np.abs(columns["joint_vel"]) > limits.speed_factor * self.layout.speed_limit
+        wrong = (values < self.robot.joint_lower - margin) | (values > self.robot.joint_upper + margin)
+        wrong |= np.abs(columns["joint_vel"]) > limits.speed_factor * self.robot.motor_speed_limit
         for joint in np.flatnonzero(wrong.any(axis=0)).tolist():
-            name = self.layout.joint_names[joint]
+            name = self.robot.joint_names[joint]
             self.worst_joints[name] = self.worst_joints.get(name, 0) + int(wrong[:, joint].sum())
         bad = wrong.any(axis=1) | (np.abs(columns["acc_b"]).max(axis=1, initial=0.0) > limits.acceleration_m_s2)
         self.out_of_range += int(bad.sum())
@@ -85,7 +86,7 @@ class Plausible:
         if odd > self.settings.implausible_share * max(self.messages, 1):
             worst = max(self.worst_joints, key=lambda name: self.worst_joints[name], default="the trunk")
             return (
-                f"{odd} of {self.messages} messages are not finite or beyond what '{self.layout.robot}' can do, most "
+                f"{odd} of {self.messages} messages are not finite or beyond what '{self.robot.name}' can do, most "
                 f"of {worst}: is it of another robot or unit"
             )
         low, high = self.settings.rest_gravity_m_s2
@@ -132,7 +133,7 @@ count together: the encoders of a standing robot may give one value for seconds.
 class SensorWatch:
     """Looks at the finite messages of `/low_state` of one log, piece by piece."""
 
-    layout: Layout
+    robot: Robot
     frozen_s: float
     """Shortest time for which a value has to stand still to be named [s]."""
     messages: int = 0
@@ -175,11 +176,11 @@ class SensorWatch:
             notes.append(f"the IMU is frozen in part: {which} did not change for up to {max(of_imu.values()):.1f} s.")
         still = {
             name: seconds
-            for name, seconds in zip(self.layout.joint_names, frozen_s[len(IMU) :].tolist(), strict=True)
+            for name, seconds in zip(self.robot.joint_names, frozen_s[len(IMU) :].tolist(), strict=True)
             if seconds >= self.frozen_s
         }
         if still:
-            which = "all joints" if len(still) == len(self.layout.joint_names) else ", ".join(still)
+            which = "all joints" if len(still) == len(self.robot.joint_names) else ", ".join(still)
             notes.append(f"joint sensors are frozen: {which} did not change for up to {max(still.values()):.1f} s.")
         length, along = self._length / self.messages, self._upward / self.messages
         if IN_G[0] < length < IN_G[1]:

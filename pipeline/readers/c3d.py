@@ -14,7 +14,6 @@ import c3d
 import numpy as np
 from jaxtyping import Float
 
-from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
@@ -22,7 +21,7 @@ from pipeline.files import page_memory
 from pipeline.files.npz import DAMAGED_FILE, first_words, raise_fault_of_disk
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
-from pipeline.readers.raw_motion import Poses, RawMotion, World, refuse_pose
+from pipeline.readers.raw_motion import Poses, RawMotion, World, in_parents, refuse_pose
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
 
 FARTHEST = 1e7
@@ -180,17 +179,13 @@ def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], value
 def _rest_offsets(path: Path, poses: PointPoses) -> Float[np.ndarray, "19 3"]:
     """Place of each body in its parent's frame, the median over frames. Raises FileError where no frame has it."""
     pos, quat = poses.world(range(len(BODIES)), 0, min(poses.frame_count, MEASURED_FRAMES))
-    offsets = np.zeros((len(BODIES), 3))
-    for body, parent in enumerate(PARENT):
-        if parent < 0:
-            continue
-        local = rotation.rotate_inverse(quat[:, parent], pos[:, body] - pos[:, parent])
-        local = local[np.isfinite(local).all(axis=1)]
-        if not len(local):
-            problem = f"no frame has all points from which the {BODIES[body].replace('_', ' ')} is worked out."
-            raise FileError(path, problem, "Fill the gaps in the capture program.")
-        offsets[body] = np.median(local, axis=0)
-    return offsets
+    places = in_parents(pos, quat, PARENT)
+    unknown = np.asarray(~np.isfinite(places).all(axis=2).any(axis=0))
+    if unknown[1:].any():
+        body = BODIES[1 + int(np.argmax(unknown[1:]))].replace("_", " ")
+        problem = f"no frame has all points from which the {body} is worked out."
+        raise FileError(path, problem, "Fill the gaps in the capture program.")
+    return np.nanmedian(places, axis=0)
 
 
 def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None, tuple[Reason, ...]]:

@@ -55,6 +55,14 @@ def along_tree(
     return np.stack([pos[joint] for joint in joints], axis=1), np.stack([quat[joint] for joint in joints], axis=1)
 
 
+def in_parents(
+    pos: Float[np.ndarray, "t n 3"], quat: Float[np.ndarray, "t n 4"], parents: Sequence[int]
+) -> Float[np.ndarray, "t n 3"]:
+    """Places of joints in their parents' frames, zero for a root, from poses in the world."""
+    above = [joint if parent < 0 else parent for joint, parent in enumerate(parents)]
+    return rotation.rotate_inverse(quat[:, above], pos - pos[:, above])
+
+
 def with_ancestors(joints: Sequence[int], parents: Sequence[int]) -> list[int]:
     """The joints and all above them, parents first, in a tree whose parents come before their children."""
     found: set[int] = set()

@@ -8,7 +8,6 @@ import pytest
 
 from pipeline.files import settings
 from pipeline.hardware_logs import (
-    FASTWRITE,
     LogError,
     LogSettings,
     RemoteStates,
@@ -24,6 +23,7 @@ from pipeline.hardware_logs.log_report import Bounds
 from pipeline.hardware_logs.mcap_chunk import DATA_END, RECORD_HEAD
 from pipeline.hardware_logs.missed_bars import MissedBar, note_of
 from pipeline.robot import load_robot
+from tests.factories.mcap_writer import FASTWRITE
 from tests.factories.robot_logs import START_NS, facts, low_states, robot_log
 
 

@@ -8,8 +8,9 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pipeline.hardware_logs import FASTWRITE, ZSTD_FAST, ZSTD_SMALL, Storage, mcap_bytes, write_mcap
+from pipeline.hardware_logs import ZSTD_SMALL, Storage, mcap_bytes, write_mcap
 from pipeline.hardware_logs.messages import BUTTONS, MESSAGES, TOPICS, schema_name, schema_text
+from tests.factories.mcap_writer import FASTWRITE, ZSTD_FAST
 from tests.factories.robot_logs import POLICY, START_NS, robot_log
 
 
