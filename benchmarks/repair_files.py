@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks.repair_clips import Sound, generated, recorded, sound_clips
 from benchmarks.repair_judge import Verdict
 from pipeline.catalog import CatalogSettings, correct
+from pipeline.catalog.catalogue import times_stored
 from pipeline.clips.human_clip import HumanClip
 from pipeline.errors import PipelineError
 from pipeline.generator import RECIPES, bvh
@@ -80,14 +81,15 @@ def stored_twice(number: int, seed: int, folder: Path, settings: CatalogSettings
     pos, quat = (np.repeat(values, times, axis=0)[first:] for values in (sound.clip.body_pos_w, sound.clip.body_quat_w))
     spoilt = HumanClip(name=sound.clip.name, fps=sound.clip.fps * times, body_pos_w=pos, body_quat_w=quat)
     corrected = correct(_read(spoilt, sound.skeleton), settings=settings)
-    right = corrected.times_stored == times and abs(corrected.clip.fps / sound.clip.fps - 1.0) <= RATE_SHARE
+    stored, _ = times_stored(spoilt, settings.repeated_share)
+    right = stored == times and abs(corrected.clip.fps / sound.clip.fps - 1.0) <= RATE_SHARE
     return Verdict(
         kind="stored_twice",
         clip=sound.clip.name,
         strength=float(times),
-        detected=corrected.times_stored > 1,
+        detected=stored > 1,
         located=right,
-        text=f"{sound.clip.name} {times} times: {corrected.times_stored} times, {corrected.clip.fps:g} Hz",
+        text=f"{sound.clip.name} {times} times: {stored} times, {corrected.clip.fps:g} Hz",
     )
 
 
@@ -98,7 +100,7 @@ def wrong_unit(number: int, seed: int, folder: Path, settings: CatalogSettings) 
     raw = _raw_motion(folder, tuple(RECIPES)[int(rng.integers(len(RECIPES)))])
     scale = stature / 1.75 * METRES["cm"] / METRES["inch"]
     columns = tuple(range(len(raw.joint_names)))
-    poses = RowPoses(pos=raw.joint_pos_w * scale, quat=raw.joint_quat_w, columns=columns)
+    poses = RowPoses(rows=(raw.joint_pos_w * scale, raw.joint_quat_w), columns=columns)
     motion = dataclasses.replace(raw, rest_offset=raw.rest_offset * scale, poses=poses)
     try:
         understood = to_human(motion, "person", Statement(unit="cm") if stated else Statement())

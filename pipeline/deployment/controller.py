@@ -10,7 +10,6 @@ from pipeline.errors import PipelineError
 
 def frame(
     task: DeploymentTask,
-    *,
     gyro_b: Float[np.ndarray, " 3"],
     gravity_b: Float[np.ndarray, " 3"],
     command: Float[np.ndarray, " 3"],
@@ -101,16 +100,8 @@ class PolicyController:
         joint_pos: Float[np.ndarray, " j"],
         joint_vel: Float[np.ndarray, " j"],
     ) -> Float[np.ndarray, " j"]:
-        """Position targets [rad] of all joints in the robot's order; see `observation.frame` for the arguments."""
-        newest = frame(
-            self.task,
-            gyro_b=gyro_b,
-            gravity_b=gravity_b,
-            command=command,
-            joint_pos=joint_pos,
-            joint_vel=joint_vel,
-            last_action=self.last_action,
-        )
+        """Position targets [rad] of all joints in the robot's order; see `frame` for the arguments."""
+        newest = frame(self.task, gyro_b, gravity_b, command, joint_pos, joint_vel, self.last_action)
         self.observation = self._history.push(newest)
         self.last_action = self.policy.act(self.observation)
         targets = self.task.default_joint_pos.copy()

@@ -141,7 +141,7 @@ def read_bvh(path: Path) -> RawMotion:
         parents=parents,
         rest_offset=offsets,
         poses=ChannelPoses(
-            parents=parents, offsets=offsets, channels=tuple(joint.channels for joint in joints), values=values
+            parents=parents, offsets=offsets, channels=tuple(joint.channels for joint in joints), rows=(values,)
         ),
         fps=rate.fps,
         rate_fault=rate.fault,

@@ -34,24 +34,18 @@ MEASURED_FRAMES = 4096
 
 @dataclass(frozen=True, kw_only=True)
 class PointPoses(Poses):
-    """World poses of the canonical bodies from points, worked out for the frames that are requested."""
+    """World poses of the canonical bodies from points, worked out for the frames that are requested.
+
+    A row has the positions of the named points one after another, in the file's unit; NaN where a point is missing.
+    """
 
     names: tuple[str, ...]
-    values: Float[np.ndarray, "t c"]
-    """Positions of the named points one after another, in the file's unit; NaN where a point is missing."""
-
-    @property
-    def frame_count(self) -> int:
-        return len(self.values)
-
-    def forget(self, stop: int) -> None:
-        page_memory.forget(self.values, stop)
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         stop = min(stop, self.frame_count)
         pos, quat = np.empty((stop - start, len(joints), 3)), np.empty((stop - start, len(joints), 4))
         for first in range(start, stop, FRAMES_AT_ONCE):
-            part = self.values[first : min(first + FRAMES_AT_ONCE, stop)]
+            part = self.rows[0][first : min(first + FRAMES_AT_ONCE, stop)]
             points = {name: part[:, 3 * column : 3 * column + 3] for column, name in enumerate(self.names)}
             place, turn = body_poses(points)
             rows = slice(first - start, first - start + len(part))
@@ -70,7 +64,7 @@ def read_c3d(path: Path) -> RawMotion:
         _read_points(path, reader, tuple(columns.values()), values)
         units = reader.get("POINT:UNITS")
         declared = "" if units is None else str(units.string_value).strip(" \0")
-    poses = PointPoses(names=tuple(columns), values=values)
+    poses = PointPoses(names=tuple(columns), rows=(values,))
     offsets = _rest_offsets(path, poses)
     unit, notes = _unit(declared, offsets)
     return RawMotion(

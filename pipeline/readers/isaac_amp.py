@@ -59,7 +59,7 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
     rate = None
     if header.shapes.get("body_linear_velocities") == pos.shape:
         rate = rate_of_velocities(pos, header.stored_numbers("body_linear_velocities", *pos.shape))
-    poses = RowPoses(pos=pos, quat=quat, columns=tuple(stored.index(name) for name in PARENTS))
+    poses = RowPoses(rows=(pos, quat), columns=tuple(stored.index(name) for name in PARENTS))
     for start in range(0, len(pos), ROWS_AT_ONCE):
         rows = finite_rows(quat, start, start + ROWS_AT_ONCE)[:, list(poses.columns)]
         check_unit(path, rows, "a body's quaternion", start)

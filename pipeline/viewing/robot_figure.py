@@ -48,9 +48,7 @@ def _profile(kind: str, size: tuple[float, ...], segments: int) -> list[tuple[fl
     """
     radius, half = (1.0, 0.0) if kind == "ellipsoid" else (*size, 0.0)[:2]
     quarter = np.linspace(0.0, np.pi / 2, max(segments // 4, 1) + 1)[1:-1]
-    arc = (
-        [] if kind == "cylinder" else [(radius * float(np.cos(turn)), radius * float(np.sin(turn))) for turn in quarter]
-    )
+    arc = [(radius * float(np.cos(turn)), radius * float(np.sin(turn))) for turn in quarter if kind != "cylinder"]
     bands = max(1, min(12, round(2 * half / radius)))
     wall = [(radius, float(z)) for z in np.linspace(-half, half, bands + 1 if half else 1)]
     top = half if kind == "cylinder" else half + radius
