@@ -15,7 +15,7 @@ import functools
 import itertools
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -42,8 +42,7 @@ SHORTEST_FRAMES = 4
 """Fewer frames tell no curvature."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Steps:
+class Steps(NamedTuple):
     """Steps ahead, in the order of time."""
 
     frames: Float[np.ndarray, " n"]

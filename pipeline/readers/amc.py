@@ -17,7 +17,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files import page_memory
 from pipeline.readers.raw_motion import RawMotion, TreePoses, parent_indices
-from pipeline.readers.text_file import MAX_FRAMES, open_text, read_lines, read_number
+from pipeline.readers.text_file import MAX_FRAMES, open_text, read_number
 
 MAX_BONES = 500
 
@@ -40,7 +40,7 @@ def read_asf(path: Path) -> dict[str, Bone]:
     """Bones by name, the root among them."""
     bones = {"root": Bone(name="root", line=1)}
     section, current = "", None
-    for line, text in enumerate(read_lines(path), start=1):
+    for line, text in enumerate(open_text(path).lines(), start=1):
         words = text.split("#")[0].replace("(", " ").replace(")", " ").split()
         if not words:
             continue

@@ -24,7 +24,7 @@ from pipeline.hardware_logs import LogSettings, Trial, read_log
 from pipeline.readers.robot_log import root_poses
 from pipeline.readers.robot_motion import robots
 from pipeline.robot import Robot, load_robot
-from pipeline.viewing.playlist import Mark, Playlist, Shown
+from pipeline.viewing.playlist import Playlist, Shown
 
 RATE_HZ = 50.0
 SIMULATION = "simulation"
@@ -71,13 +71,10 @@ def shown_trial(trial: Trial, files: LogFiles) -> Shown:
     twin = None
     if policy is not None and np.isfinite(np.asarray(trial.command, dtype=float)).any():
         twin = simulated(trial, robot, actuators, policy, trial.seconds).clip(SIMULATION)
-    marks = tuple(
-        Mark(
-            time_s=each.time_s,
-            label=f"{each.time_s:.2f} s {each.kind.replace('_', ' ')} {each.joint or each.direction}",
-        )
+    marks = {
+        f"{each.time_s:.2f} s {each.kind.replace('_', ' ')} {each.joint or each.direction}": each.time_s
         for each in report.failures
-    )
+    }
     return Shown(
         name=trial.name,
         robot=robot,
