@@ -10,7 +10,6 @@ from pipeline.hardware_logs.robot_log import (
     LowStates,
     Odometry,
     OperatorEvent,
-    RemoteStates,
     RobotLog,
 )
 from pipeline.hardware_logs.trial import Gap, Trial, read_trial

@@ -11,7 +11,7 @@ from pipeline.hardware_logs import missed_bars
 from pipeline.hardware_logs.bag_reader import BagReader
 from pipeline.hardware_logs.layout import LogSettings, layouts
 from pipeline.hardware_logs.log_facts import FactsError, StatedFacts, stated_facts
-from pipeline.hardware_logs.log_report import Bounds, LogReport
+from pipeline.hardware_logs.log_report import LogReport
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.message_flow import MessageFlow
 from pipeline.hardware_logs.robot_log import METADATA
@@ -52,7 +52,6 @@ def ingest(
     layouts: Mapping[int, tuple[Robot, ...]],
     settings: LogSettings,
     sidecar: Path | None = None,
-    bounds: Bounds | None = None,
 ) -> Ingested:
     """Read a log and write its trials into `folder`, in memory that does not grow with the log.
 
@@ -71,7 +70,7 @@ def ingest(
     known: dict[str, str] | None = None
     while True:
         report = LogReport(path)
-        source = SUFFIXES[path.suffix](path, report, bounds or Bounds())
+        source = SUFFIXES[path.suffix](path, report)
         if known is not None:
             source.metadata[METADATA] = known
         made = _read(source, name, folder, layouts, settings, sidecar)

@@ -29,19 +29,18 @@ class LogError(FileError):
         self.offset, self.recovered, self.reason = offset, recovered, problem
 
 
-@dataclass(frozen=True, kw_only=True)
 class Bounds:
     """How much of a file is believed. What is beyond is damage or malice."""
 
-    record_bytes: int = 64_000_000
+    record_bytes = 64_000_000
     """Of a record, and of a chunk after inflation. A recorder's chunks have 0.8 to 4 MB."""
-    total_bytes: int = 20_000_000_000
+    total_bytes = 20_000_000_000
     """Of all chunks after inflation."""
-    messages: int = 50_000_000
-    chunks: int = 200_000
+    messages = 50_000_000
+    chunks = 200_000
     """A recorder's chunk is a second or so."""
-    channels: int = 1_000
-    schema_bytes: int = 250_000
+    channels = 1_000
+    schema_bytes = 250_000
 
 
 @dataclass(frozen=True, kw_only=True)

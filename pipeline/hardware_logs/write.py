@@ -12,14 +12,13 @@ from mcap.writer import CompressionType, Writer
 
 from pipeline.files import atomic
 from pipeline.hardware_logs.log_facts import to_metadata
-from pipeline.hardware_logs.messages import BUTTONS, ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
+from pipeline.hardware_logs.messages import ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
 from pipeline.hardware_logs.robot_log import (
     METADATA,
     FallStates,
     LowCmds,
     LowStates,
     Odometry,
-    RemoteStates,
     RobotLog,
 )
 
@@ -62,6 +61,8 @@ def open_channel(writer: Writer, topic: str) -> int:
     return writer.register_channel(topic, "cdr", schema, QOS)
 
 
+COMM_HZ = 500
+"""Rate of the motors' communication, `reserve[1]`."""
 SERIAL = 1
 """`cmd_type` of commands to the joints of the model."""
 
@@ -99,9 +100,7 @@ def payloads(log: RobotLog) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         found["/fall_down"] = (log.fall_down.time_ns, _fall_states(log.fall_down))
     if log.odometer is not None:
         found["/odometer_state"] = (log.odometer.time_ns, _odometry(log.odometer))
-    if log.remote is not None:
-        found["/remote_controller_state"] = (log.remote.time_ns, _remote_states(log.remote))
-    return found
+    return found | log.further
 
 
 def _empty(message: str, length: int, *counts: int) -> np.ndarray:
@@ -116,13 +115,13 @@ def low_states(states: LowStates) -> np.ndarray:
     values = _empty("LowState", len(states.time_ns), count, count)
     imu = values["imu_state"]
     imu["rpy"], imu["gyro"], imu["acc"] = states.rpy, states.gyro_b, states.acc_b
-    for name, source in (("serial", states), ("parallel", states.parallel or states)):
+    for name in ("serial", "parallel"):  # the joints' again for the motors
         values[f"motor_state_{name}_count"] = count
         motors = values[f"motor_state_{name}"]
         motors["mode"] = 1
-        motors["q"], motors["dq"], motors["ddq"] = source.joint_pos, source.joint_vel, source.joint_acc
-        motors["tau_est"], motors["temperature"], motors["lost"] = source.torque_est, source.temperature_c, source.lost
-        motors["reserve"][..., 1] = source.comm_hz
+        motors["q"], motors["dq"], motors["ddq"] = states.joint_pos, states.joint_vel, states.joint_acc
+        motors["tau_est"], motors["temperature"], motors["lost"] = states.torque_est, states.temperature_c, states.lost
+        motors["reserve"][..., 1] = COMM_HZ
     return values
 
 
@@ -145,13 +144,4 @@ def _fall_states(falls: FallStates) -> np.ndarray:
 def _odometry(odometry: Odometry) -> np.ndarray:
     values = _empty("Odometer", len(odometry.time_ns))
     values["x"], values["y"], values["theta"] = odometry.pose.T
-    return values
-
-
-def _remote_states(remote: RemoteStates) -> np.ndarray:
-    values = _empty("RemoteControllerState", len(remote.time_ns))
-    values["lx"], values["ly"], values["rx"], values["ry"] = remote.sticks.T
-    for name, pressed in zip(BUTTONS, remote.buttons.T, strict=True):
-        values[name] = pressed
-    values["hat_c"] = 1
     return values
