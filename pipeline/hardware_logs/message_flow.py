@@ -85,14 +85,14 @@ class MessageFlow:
             back_ns=round(time.disorder_s * 1e9),
             ahead_ns=round(time.split_s * 1e9),
         )
-        self._stray += len(records.time_ns) - sum(len(each.index) for each in found)
-        for stretch in found:
-            if stretch.jump:
-                self._jump(int(records.time_ns[stretch.index[0]]))
-            times = records.time_ns[stretch.index]
+        self._stray += len(records.time_ns) - sum(len(index) for index, _ in found)
+        for index, jump in found:
+            times = records.time_ns[index]
+            if jump:
+                self._jump(int(times[0]))
             self._first_ns = int(times.min()) if self._first_ns is None else self._first_ns
             self._last_ns = int(times.max())
-            self._topics(records, stretch.index)
+            self._topics(records, index)
             self._lost_before = False
         if self.robot is not None:
             self._write(self._regular.ready())

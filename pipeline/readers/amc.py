@@ -209,10 +209,7 @@ def _subject_note(path: Path, asf: Path) -> tuple[Reason, ...]:
 
 def _euler(angles: np.ndarray, order: str) -> np.ndarray:
     """Quaternions of angles (t, 3) [rad] given in `order`; the first is applied first (order xyz: Rz Ry Rx)."""
-    turn = rotation.IDENTITY
-    for column, axis in enumerate(order):
-        turn = rotation.multiply(rotation.from_axis_angle(np.eye(3)["xyz".index(axis)], angles[..., column]), turn)
-    return turn
+    return rotation.from_euler([("xyz".index(axis), angles[..., place]) for place, axis in enumerate(order)][::-1])
 
 
 def _local_quat(bone: Bone, values: np.ndarray) -> np.ndarray:
