@@ -17,7 +17,6 @@ import numpy as np
 from benchmarks.repair_clips import Sound, generated, recorded, sound_clips
 from benchmarks.repair_judge import Verdict
 from pipeline.catalog import CatalogSettings, correct
-from pipeline.catalog.catalogue import times_stored
 from pipeline.clips.human_clip import HumanClip
 from pipeline.errors import PipelineError
 from pipeline.generator import RECIPES, bvh
@@ -81,15 +80,14 @@ def stored_twice(number: int, seed: int, folder: Path, settings: CatalogSettings
     pos, quat = (np.repeat(values, times, axis=0)[first:] for values in (sound.clip.body_pos_w, sound.clip.body_quat_w))
     spoilt = HumanClip(name=sound.clip.name, fps=sound.clip.fps * times, body_pos_w=pos, body_quat_w=quat)
     corrected = correct(_read(spoilt, sound.skeleton), settings=settings)
-    stored, _ = times_stored(spoilt, settings.repeated_share)
-    right = stored == times and abs(corrected.clip.fps / sound.clip.fps - 1.0) <= RATE_SHARE
+    right = corrected.times_stored == times and abs(corrected.clip.fps / sound.clip.fps - 1.0) <= RATE_SHARE
     return Verdict(
         kind="stored_twice",
         clip=sound.clip.name,
         strength=float(times),
-        detected=stored > 1,
+        detected=corrected.times_stored > 1,
         located=right,
-        text=f"{sound.clip.name} {times} times: {stored} times, {corrected.clip.fps:g} Hz",
+        text=f"{sound.clip.name} {times} times: {corrected.times_stored} times, {corrected.clip.fps:g} Hz",
     )
 
 

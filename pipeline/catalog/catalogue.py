@@ -83,6 +83,10 @@ class Corrected:
     """A clip without the defects that concern all of its frames."""
 
     clip: HumanClip | RobotClip
+    times_stored: int
+    """How often the file stores each frame."""
+    first_frame: int
+    """Frame of the file that is the clip's first."""
     time_base: TimeBase | None
     """How the rate was checked; None for a robot, whose gait and size are not a person's."""
     person: Person | None
@@ -108,7 +112,14 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
         reasons.append(reason)
         if reason.effect == "repaired" and time_base.fps is not None:
             clip, person = dataclasses.replace(clip, fps=time_base.fps), None
-    return Corrected(clip=clip, time_base=time_base, person=person, reasons=tuple(reasons))
+    return Corrected(
+        clip=clip,
+        times_stored=times,
+        first_frame=first,
+        time_base=time_base,
+        person=person,
+        reasons=tuple(reasons),
+    )
 
 
 def _too_little_recorded(
