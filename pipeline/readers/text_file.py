@@ -25,6 +25,11 @@ LINES_AT_ONCE = 256
 """Lines that are parsed together: Arrow takes ten times their size meanwhile."""
 
 
+def read_lines(path: Path) -> list[str]:
+    """Lines of a text file without their ends. Raises FileError: missing, empty, too large, not text."""
+    return read_text(path).split("\n")
+
+
 def read_text(path: Path) -> str:
     """A text file with `\\n` at the ends of its lines. Raises FileError: missing, empty, too large, not text."""
     return path.read_text(encoding=open_text(path).encoding)
