@@ -80,7 +80,7 @@ def run_stand_in(engine: str, project: Project, settings: WebotsSettings) -> Out
         except OdeNotFoundError:
             return Outcome(status=NOT_RUN, reason=NOT_FOUND)
     paths = [str(PIPELINE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
-    program = [sys.executable, "-m", "pipeline.webots.stand_in.serve", "--engine", engine]
+    program = [sys.executable, "-m", "pipeline.webots.stand_in", "--engine", engine]
     return launch(program, project, settings, {"PYTHONPATH": os.pathsep.join(paths)})
 
 

@@ -1,9 +1,5 @@
-"""Simulate a world in an engine while its controller, a separate process as in Webots, commands the torques.
+"""Simulate a world in an engine while its controller, a separate process as in Webots, commands the torques."""
 
-`python -m pipeline.webots.stand_in.serve --engine mujoco [Webots' flags, which are ignored] world.wbt`
-"""
-
-import argparse
 import json
 import os
 import socket
@@ -15,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pipeline import rotation
-from pipeline.errors import FileError, PipelineError
+from pipeline.errors import FileError
 from pipeline.webots.scene_model import SceneModel, read_scene
 from pipeline.webots.stand_in.mujoco_engine import MujocoEngine, RootMotion
 from pipeline.webots.stand_in.ode_engine import OdeEngine
@@ -137,19 +133,3 @@ def _talk(simulation: Simulation, ours: socket.socket) -> int:
             if "quit" in message:
                 return int(message["quit"])
             answer = simulation.step(message)
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--engine", choices=("mujoco", "ode"), required=True)
-    parser.add_argument("world", type=Path)
-    arguments, _ = parser.parse_known_args()
-    try:
-        return serve(arguments.world, arguments.engine)
-    except PipelineError as error:
-        print(error, file=sys.stderr)
-        return 3
-
-
-if __name__ == "__main__":
-    sys.exit(main())
