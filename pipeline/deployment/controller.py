@@ -65,10 +65,7 @@ class PolicyMisfitError(PipelineError):
 
 
 class PolicyController:
-    """Keeps the history and the last action. Use one instance per rollout, called at `control_hz`.
-
-    Raises PolicyMisfitError if the sizes of policy and task differ.
-    """
+    """Keeps history and last action of one rollout, called at `control_hz`. Raises PolicyMisfitError."""
 
     def __init__(self, task: DeploymentTask, policy: Policy):
         if (policy.observation_size, policy.action_size) != (task.observation_size, len(task.policy_joints)):

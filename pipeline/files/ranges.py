@@ -23,11 +23,7 @@ from pipeline.errors import PipelineError
 
 
 class RangeError(PipelineError, ValueError):
-    """Settings with values that they may not have.
-
-    Args:
-        faults: of each the key, counted from the object that holds it, and a sentence without the key
-    """
+    """Settings with values that they may not have; `faults` are keys below the object, each with a sentence."""
 
     def __init__(self, faults: list[tuple[str, str]]):
         self.faults = tuple(faults)

@@ -1,7 +1,4 @@
-"""What happened while a log was read: its one error type, its bounds, what was lost and where, and clock jumps.
-
-Jumps of the recorder's clock are found by the order of the messages in the file.
-"""
+"""What happened while a log was read: its one error type, its bounds, what was lost and where, and clock jumps."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

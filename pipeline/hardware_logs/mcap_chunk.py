@@ -1,7 +1,4 @@
-"""Records of MCAP files as bytes (mcap.dev/spec): opcodes, heads, fields, and whole chunks.
-
-A chunk is inflated within its stated size, checked against its checksum and cut into records.
-"""
+"""Records of MCAP files as bytes (mcap.dev/spec): opcodes, heads, fields, and chunks that are checked and cut."""
 
 import struct
 import zlib

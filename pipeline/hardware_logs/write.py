@@ -1,7 +1,4 @@
-"""Write a robot's log as MCAP, as `ros2 bag record -s mcap` on the robot does: same messages, same bytes.
-
-The official writer of the format makes the records.
-"""
+"""Write a robot's log as MCAP, as `ros2 bag record -s mcap` on the robot does: same messages, same bytes."""
 
 import io
 from dataclasses import dataclass

@@ -38,8 +38,7 @@ class Reference:
 
 
 def named_reference(path: Path, source: Source) -> str | None:
-    """The stated reference of a recording; None for most. Raises SettingsError for a file beside it that states
-    something else than a path."""
+    """The stated reference of a recording; None for most. Raises SettingsError where the file beside it has no path."""
     stated = source.statement_of(path).tracks
     if stated is not None:
         return stated

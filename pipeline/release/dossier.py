@@ -29,10 +29,7 @@ class Table:
 
 
 def tables_of(result: Mapping[str, Any]) -> tuple[Table, ...]:
-    """The tables of a stored result: cells of a suite, walks in several engines, limit cycles, segments of a run.
-
-    A result that has none of them gives no table; a part that is not in its form is left out.
-    """
+    """The tables of a stored result (suite, engines, limit cycles, segments), without what is not in their form."""
     found = (
         _table("Cells", _cells(_dicts(result.get("cells")))),
         _table("Walks", _dicts(result.get("rows"))),

@@ -89,10 +89,7 @@ def _edges(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) 
 
 
 def joined(defects: list[Defect], known: list[Defect]) -> list[Defect]:
-    """A joint's jump at the edge of another's lost stretch, found now or `known`, belongs to it.
-
-    Its way back, or in, was too small to see.
-    """
+    """A joint's jump at the edge of another's lost stretch belongs to it; the way back, or in, was too small to see."""
     lost = [one for one in (*known, *defects) if not one.is_cut and (one.pos or one.rot)]
     stretches = sorted({(one.start, one.stop) for one in lost})
 

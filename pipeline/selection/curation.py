@@ -77,10 +77,7 @@ def exclusions(decisions: Iterable[Decision]) -> dict[str, Decision]:
 
 
 def without_excluded(manifest: Manifest, decisions: Sequence[Decision]) -> Manifest:
-    """The manifest without the clips that a person excluded, under their own name or that of the clip they came from.
-
-    Each of them keeps the decision as the reason of its rejection.
-    """
+    """The manifest without clips excluded by a person, by own or first name; each keeps the decision as its reason."""
     excluded = exclusions(decisions)
     input_of = {piece: row.clip for row in manifest.judged for piece in row.pieces}
     dropped: dict[str, dict[str, Any]] = {}

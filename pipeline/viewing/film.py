@@ -1,7 +1,4 @@
-"""Figures as a film, without a display: MP4 or GIF, side by side, each followed along its path.
-
-`record_walk` films a policy's walk in MuJoCo.
-"""
+"""Figures, or a policy's walk in MuJoCo, as a film without a display: MP4 or GIF, side by side, each followed."""
 
 import os
 import tempfile

@@ -94,11 +94,7 @@ def page_server(host: str, port: int, label: str) -> viser.ViserServer:
 
 
 def is_allowed(request: Request, local: bool) -> bool:
-    """Whether a request comes from a page of this server or from a program.
-
-    Args:
-        local: the server is this machine's alone, and so are the names that it has
-    """
+    """Whether a request is from this server's page or a program; `local`: only this machine's names are its own."""
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) > 1 or (local and not loopback.is_loopback(hosts[0])):
         return False

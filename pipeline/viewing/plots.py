@@ -46,11 +46,7 @@ def png(figure: Figure) -> bytes:
 
 
 def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
-    """Clips in the command space, with areas by their seconds; the paper's ranges are shaded.
-
-    Args:
-        clips: one row a clip with `skill, seconds, forward_m_s, lateral_m_s, yaw_rate_rad_s`
-    """
+    """Clips (`skill, seconds, forward_m_s, lateral_m_s, yaw_rate_rad_s`) as areas in the paper's command space."""
     figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
     planes = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
     for axes, (x, y) in zip(figure.subplots(1, 2), planes, strict=True):
@@ -100,11 +96,7 @@ def _box_edges(middles: np.ndarray, shown: tuple[float, float], width: float) ->
 
 
 def lost_seconds(judged: pd.DataFrame, title: str) -> bytes:
-    """The 20 clips that lost the most seconds in a stage, and how much of each was kept.
-
-    Args:
-        judged: one row an input clip with `clip, seconds_in, seconds_out`
-    """
+    """The 20 clips (`clip, seconds_in, seconds_out`) that lost the most seconds in a stage, and how much was kept."""
     table = judged.assign(lost=judged["seconds_in"].fillna(0.0) - judged["seconds_out"].fillna(0.0))
     worst = table.query("lost > 0.0").sort_values(["lost", "clip"], ascending=[False, True]).head(20)[::-1]
     figure = Figure(figsize=(8.0, 0.6 + 0.22 * max(len(worst), 3)), dpi=80, layout="constrained")
@@ -123,11 +115,7 @@ COLUMNS = 4
 
 
 def calibration_curves(calibrations: Sequence[Calibration], published: Mapping[str, PublishedCurve]) -> bytes:
-    """Each motor's sweep with its two lines and its knee; the box about it is the 95 % interval.
-
-    Args:
-        published: by motor name, the manufacturer's peak curve, drawn dashed
-    """
+    """Each motor's sweep, two lines, knee and its 95 % interval; `published` peak curves by motor are drawn dashed."""
     figure, axes = _grid(len(calibrations))
     for each, place in zip(calibrations, axes, strict=False):
         speed, torque = np.array(each.speed), np.array(each.torque)

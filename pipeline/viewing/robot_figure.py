@@ -69,10 +69,7 @@ _KIND = {
 
 
 def robot_figure(clip: RobotClip, robot: Robot, name: str = "") -> Figure:
-    """The figure of a robot clip, placed by the robot's kinematics; its name is the robot's unless one is given.
-
-    Raises ClipError for a clip whose joints are not the robot's.
-    """
+    """The figure of a robot clip by the robot's kinematics. Raises ClipError where the joints are not the robot's."""
     if clip.joint_names != robot.joint_names:
         raise ClipError(clip.name, "joints", f"its joints are not those of the robot '{robot.name}', in its order.")
     parts = robot_parts(robot)

@@ -25,11 +25,7 @@ PAIRS = (
 
 
 def tracking_errors(rollouts: pd.DataFrame) -> bytes:
-    """PNG: distribution of body and joint errors, nominal and disturbed, and body error against action noise.
-
-    Args:
-        rollouts: one row a rollout with `rollout, body_error_m, joint_error_rad, action_noise`
-    """
+    """PNG of errors (`rollout, body_error_m, joint_error_rad, action_noise`), nominal and disturbed, and over noise."""
     figure = Figure(figsize=(10.0, 3.2), dpi=80, layout="constrained")
     body, joint, noise = figure.subplots(1, 3)
     nominal = rollouts["rollout"].to_numpy() == 0
@@ -46,11 +42,7 @@ def tracking_errors(rollouts: pd.DataFrame) -> bytes:
 
 
 def before_and_after(references: pd.DataFrame) -> bytes:
-    """PNG: slip, penetration and jerk of each reference against its nominal rollout's; saturation and contacts.
-
-    Args:
-        references: one row a reference with the figures of `pipeline.tracking.before_after`
-    """
+    """PNG: figures of `pipeline.tracking.before_after` for each reference against those of its nominal rollout."""
     columns = [name for before, after, _, _ in PAIRS for name in (before, after)]
     figures = references[[*columns, "saturated_after", "touchdown_shift_s"]].astype(float)
     figure = Figure(figsize=(15.0, 3.2), dpi=80, layout="constrained")
@@ -147,11 +139,7 @@ STYLES = ("-", "--", ":")
 
 
 def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
-    """PNG of runs over training time [s]; one colour per run, or per curve for a single run.
-
-    Args:
-        runs: name -> a run's `curves.csv`
-    """
+    """PNG of the `curves.csv` of runs by name over training time [s]; a colour a run, or a curve of a single run."""
     figure = Figure(figsize=(11.0, 5.6), dpi=80, layout="constrained")
     places = figure.subplots(2, 2).ravel()
     for place, (title, columns) in zip(places, PANELS, strict=False):
