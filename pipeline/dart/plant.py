@@ -70,13 +70,7 @@ def dynamics_urdf(robot: Robot) -> str:
 
 
 class DartPlant(Plant):
-    """DART's rigid bodies with hard contacts: a boxed linear complementarity problem, Dantzig's method.
-
-    Args:
-        robot: the robot; its armature goes to the links (`added_moments`)
-        timestep_s: [s]
-        friction: coefficient between all shapes
-    """
+    """DART's rigid bodies with hard contacts: a boxed linear complementarity problem, Dantzig's method."""
 
     def __init__(self, robot: Robot, timestep_s: float = 0.005, friction: float = 1.0):
         self.robot, self.timestep_s, self.friction = robot, timestep_s, friction

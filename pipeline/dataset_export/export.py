@@ -145,14 +145,9 @@ def export_database(
 ) -> int:
     """Write the clips of a database, or those of some skills, into the folder `out`; how many.
 
-    Args:
-        kind: one of `FORMATS`
-        robots: the robot of a name
-        skills: clips of these alone; of all where none is named
-        naming: a column of the robot's aliases.csv that the joints are called by; None for the robot's own names
-
-    Raises DatabaseError for a database that is not whole, UnknownNameError for a skill that it does not have, and
-    NotInstalledError where a format needs a package that is not there.
+    `kind` is one of `FORMATS`; `naming` a column of the robot's aliases.csv that joints are called by. Raises
+    DatabaseError for a database that is not whole, UnknownNameError for an unknown skill, NotInstalledError for a
+    package not there.
     """
     contents = check_database(database)
     known = sorted(set(contents.index["skill"]))

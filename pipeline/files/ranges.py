@@ -157,13 +157,7 @@ def check(*faults: list[tuple[str, str]]) -> None:
 
 
 def faults_of(error: ValidationError, kind: Any = None, skip: int = 0) -> list[tuple[str, str]]:
-    """Faults that pydantic found: the key, and a sentence without the key.
-
-    Args:
-        error: what pydantic raised
-        kind: type that was validated, for the keys that are allowed
-        skip: leading parts of each key that are left out
-    """
+    """Faults that pydantic found in a `kind`: the key, without `skip` leading parts, and a sentence without the key."""
     found = error.errors(include_url=False)
     return [fault for each in found for fault in _faults(each, kind, each["loc"][skip:])]
 

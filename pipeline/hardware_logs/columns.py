@@ -105,10 +105,8 @@ class HeldTopic:
 class CommandSource:
     """The command of one log.
 
-    Args:
-        stated: metadata of the log
-        origin_ns: receipt of the log's first message, None where it is not known
-        whole: nothing was lost where a statement may have been; a log that states nothing is then steered by its remote
+    `origin_ns`: receipt of the log's first message, if known; `whole`: nothing was lost where a statement may have
+    been, so that a log that states nothing is steered by its remote.
     """
 
     def __init__(self, stated: StatedFacts, origin_ns: int | None, *, whole: bool):

@@ -155,13 +155,10 @@ SUFFIX = ".txt"
 
 
 def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
-    """Make `folder` hold one text for each refused log and no other; a sentence for each that can't be written.
+    """Make `folder` hold one text for each refused log (name -> reason) and no other; a sentence for each that fails.
 
     A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is a
     digest of the name.
-
-    Args:
-        refused: name of a log, a path without suffix -> why it is refused
     """
     texts = {path: decodable(refused[name]) + "\n" for name, path in text_paths(sorted(refused)).items()}
     problems = _clear(folder, set(texts))

@@ -170,15 +170,9 @@ LEAST_LOST_S = 0.1
 
 
 def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
-    """PNG of the clips that lost the most seconds in a stage, as they were before it, with the first reason.
+    """PNG of the `most` clips that lost the most seconds in a stage, as they were in `previous`, with the first reason.
 
     One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
-
-    Args:
-        stage: manifest of the stage
-        previous: the stage before it, which has the clips
-        robot: the one that robot clips are for
-        most: clips in the picture
     """
     entries = {entry.clip: entry for entry in previous.entries}
     families: dict[str, Judged] = {}

@@ -65,12 +65,10 @@ class TickedPage(ABC):
 
 
 def page_server(host: str, port: int, label: str) -> viser.ViserServer:
-    """A server on the first free port from `port` on.
+    """A server on the first free port from `port` on, whose page has the title `label`.
 
-    Args:
-        host: address to bind. On a loopback address the page is reached under names of this machine alone; on
-            another one under whatever name that has, and web sockets come from the page itself only
-        label: title of the page
+    On a loopback address the page is reached under names of this machine alone; on another one under whatever name that
+    has, and web sockets come from the page itself only.
     """
     local = loopback.is_loopback(f"[{host}]" if ":" in host else host)
     serve, calls = websockets.asyncio.server.serve, []

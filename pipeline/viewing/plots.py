@@ -64,11 +64,7 @@ def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
 
 
 def command_seconds(spent: pd.DataFrame, title: str) -> bytes:
-    """Seconds in each box of the command space as a heat map, on two planes; the paper's ranges are framed.
-
-    Args:
-        spent: a row a clip and box, with the box's middle `forward_m_s, lateral_m_s, yaw_rate_rad_s` and `seconds`
-    """
+    """Boxes of the command space (`forward_m_s, lateral_m_s, yaw_rate_rad_s`) by their `seconds`, as heat maps."""
     figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
     planes = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
     weights = spent["seconds"].to_numpy(dtype=float)

@@ -19,14 +19,9 @@ Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 @lru_cache(maxsize=512)
 def shape_mesh(kind: str, size: tuple[float, ...], segments: int) -> Mesh:
-    """Vertices [m] and triangles (seen from outside their corners run counterclockwise) of a primitive.
+    """Vertices [m] and triangles (seen from outside their corners run counterclockwise) of a `figure.Shape`.
 
-    Args:
-        kind: one of `KINDS`
-        size: as in `figure.Shape`
-        segments: corners of a circle; the vertices lie on the true surface
-
-    Raises UnknownNameError for another kind.
+    Circles have `segments` corners, on the true surface. Raises UnknownNameError for another kind.
     """
     if kind not in KINDS:
         raise UnknownNameError("primitive", kind, KINDS)

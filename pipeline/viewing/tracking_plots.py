@@ -70,17 +70,9 @@ def worst_tracked(
 ) -> bytes:
     """PNG of the worst-tracked references: what the robot does up to the moment it fails, below its reference.
 
-    References that fail come first; the last pose of each is that of the failure. Then come those that are furthest
-    off, around the moment they are. One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is shown.
-
-    Args:
-        rollouts: manifest of `augmented_motions`
-        references: what was tracked
-        motions_to_failure: gives the motion of references up to the frame at which their nominal rollout fails
-            (`pipeline.tracking.process.motion_to_failure`), under the references' names
-        store: with all motions
-        robot: that moves
-        most: references in the picture
+    References that fail come first; the last pose of each is that of the failure, from `motions_to_failure`
+    (`pipeline.tracking.process.motion_to_failure`). Then come those that are furthest off, around the moment they are.
+    One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is shown, `most` in all.
     """
     entries = {entry.clip: entry for entry in references.entries}
     families: dict[str, Judged] = {}
