@@ -11,7 +11,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
 from pipeline.viewing.contact_sheet import Strip, entry_clip, worst_clips_sheet
-from pipeline.viewing.plots import png
+from pipeline.viewing.plots import labelled, png
 
 SHOWN_S = 1.0
 """A rollout is shown from this long before its failure, or its largest error, to at most this long after [s]."""
@@ -149,9 +149,7 @@ def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
     places[3].set_title("velocity as a share of the command", fontsize=9)
     places[3].set_ylim(-0.2, 1.4)
     for place in places:
-        place.set_xlabel("training [s]", fontsize=7)
-        place.tick_params(labelsize=6)
-        place.grid(alpha=0.3)
+        labelled(place, "training [s]", size=7)
         if place.lines:
             place.legend(fontsize=6)
     return png(figure)
