@@ -10,14 +10,7 @@ from mcap.writer import CompressionType, Writer
 from pipeline.files import atomic
 from pipeline.hardware_logs.log_facts import to_metadata
 from pipeline.hardware_logs.messages import ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
-from pipeline.hardware_logs.robot_log import (
-    METADATA,
-    FallStates,
-    LowCmds,
-    LowStates,
-    Odometry,
-    RobotLog,
-)
+from pipeline.hardware_logs.robot_log import METADATA, FallStates, LowCmds, LowStates, Odometry, RobotLog
 
 LIBRARY = "booster-lab"
 QOS = {"offered_qos_profiles": ""}

@@ -118,19 +118,16 @@ class RaisedBound:
 
     skill: str
     bound_s: float | None
-    """Previous limit [s]; None without a limit."""
     wanted_s: float | None
-    """New limit [s]."""
+    """Previous and new limit [s]; None without a limit."""
     there_s: float
     """Seconds of windows that are eligible except for the limit."""
     before_s: float
-    """Seconds selected under the previous limit."""
     taken_s: float
-    """Seconds selected now."""
+    """Seconds selected under the previous limit, and now."""
     more_windows: int
-    """Windows selected now and not before."""
     fewer_windows: int
-    """Shorter windows that were dropped for them."""
+    """Windows selected now and not before, and shorter ones that were dropped for them."""
 
     @property
     def reached(self) -> bool:

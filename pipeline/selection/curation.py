@@ -23,16 +23,7 @@ from pipeline.batch import Manifest
 from pipeline.clips.outcome import LABELS, Reason
 from pipeline.errors import FileError, SettingsError
 from pipeline.files import atomic, settings
-from pipeline.files.ranges import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    SHARE,
-    Allowed,
-    Keys,
-    OneOf,
-    Pattern,
-    Range,
-)
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, Keys, OneOf, Pattern, Range
 from pipeline.selection.skills import SkillBounds
 
 ACCEPT, EXCLUDE = "accept", "exclude"
