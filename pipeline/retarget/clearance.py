@@ -26,7 +26,7 @@ OUTER_POINTS = slice(2, None)
 SHANK_POINTS = (0.25, 0.5, 0.75)
 """Points along the shank, as shares of the way from knee to ankle."""
 
-CROSSED_GAIN = 6.0
+CROSSED_GAIN = 3.5
 """Way that a foot is sent outward / way that a shank lacks: its upper end, which meets the thigh, follows by a part."""
 
 RAISED = 1.5
