@@ -47,7 +47,8 @@ def evaluate(plan: Plan, manifest: Manifest) -> list[dg.AssetCheckResult]:
 
 
 def _accounted(manifest: Manifest) -> Verdict:
-    silent = [row.clip for row in manifest.judged if not row.pieces and not row.reasons]
+    rows = manifest.findings("clip", "pieces", "reasons")
+    silent = [clip for clip, pieces, reasons in rows if not pieces and not reasons]
     return not silent, f"without a reason: {', '.join(silent)}" if silent else f"{len(manifest.judged)} clips"
 
 
@@ -67,12 +68,13 @@ def _left(manifest: Manifest) -> Verdict:
 
 
 def _no_fault(manifest: Manifest) -> Verdict:
-    failed = [row.clip for row in manifest.judged for reason in row.reasons if reason["code"] == "failed"]
+    found = manifest.findings("clip", "reasons")
+    failed = [clip for clip, reasons in found for reason in reasons if reason["code"] == "failed"]
     return not failed, ", ".join(failed) or "none"
 
 
 def _sound(manifest: Manifest) -> Verdict:
-    there = {entry.clip for entry in manifest.entries}
+    there = {entry.clip for entry in manifest.entries} if manifest.unsound else set()
     faults = [f"{clip}: {fault}" for clip, fault in manifest.unsound if clip in there]
     return not faults, "; ".join(faults[:20]) if faults else f"{len(manifest.entries)} clips"
 

@@ -4,8 +4,6 @@ A file is known by size, times of change and inode. The time of its inode's chan
 it, so that a file changed in place and given its old time back is read again.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import time
@@ -81,10 +79,13 @@ class BlobStore:
             return False
 
     def put(self, data: bytes) -> str:
-        """Store `data`, also over a blob of that name that was damaged; its digest."""
+        """Store `data`, also over a blob of that name that was damaged; its digest.
+
+        It is not forced to the disk: one that a power cut tears does not have its name's digest, and is made again.
+        """
         blob = digest.of_bytes(data)
         if not self.is_whole(blob):
-            atomic.write_bytes(self.path(blob), data)
+            atomic.write_bytes(self.path(blob), data, synced=False)
         if self.remote is not None:
             self.remote.put(data)
         return blob

@@ -9,8 +9,6 @@ A spline through the frames beside a gap is as good as anything up to 0.1 s (Sen
 accelerations; in longer gaps it may overshoot, so a straight line is used, which gives the mean velocity.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from dataclasses import dataclass
@@ -20,7 +18,7 @@ from jaxtyping import Bool, Float
 from scipy.interpolate import CubicSpline
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import BODIES, HumanClip
+from pipeline.clips.human_clip import BODIES, FEET, HumanClip
 from pipeline.clips.robot_clip import RobotClip
 
 SPLINE_S = 0.1
@@ -144,6 +142,17 @@ def facing_of(clip: HumanClip) -> np.ndarray:
     return rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
 
 
+def leg_length(clip: HumanClip) -> float:
+    """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
+    sides = []
+    for side in FEET:
+        hip, knee, ankle = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
+        length = rotation.length(knee - hip) + rotation.length(ankle - knee)
+        length = length[np.isfinite(length)]
+        sides.append(float(np.median(length)) if len(length) else float("nan"))
+    return sum(sides) / len(sides)
+
+
 def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[int, int]]:
     """Frame ranges that are known throughout and without a teleport."""
     step = np.linalg.norm(np.diff(np.where(known[:, None], root_w, 0.0), axis=0), axis=1)
@@ -191,26 +200,26 @@ def command_velocity(
 
     The heading is the twist of the root about the vertical, so that tilting doesn't turn it.
     """
-    if len(root_pos_w) < 2:
-        return CommandVelocity(forward_m_s=0.0, lateral_m_s=0.0, yaw_rate_rad_s=0.0)
-    yaw, velocity = _in_heading_frame(root_pos_w, root_quat_w, fps)
-    turned = float(yaw[-1] - yaw[0]) * fps / (len(yaw) - 1)
-    return CommandVelocity(
-        forward_m_s=float(velocity[:, 0].mean()), lateral_m_s=float(velocity[:, 1].mean()), yaw_rate_rad_s=turned
-    )
+    return command_velocities(root_pos_w, root_quat_w, fps)[0]
 
 
-def command_velocity_over_time(
+def command_velocities(
     root_pos_w: Float[np.ndarray, "t 3"], root_quat_w: Float[np.ndarray, "t 4"], fps: float
-) -> Float[np.ndarray, "t 3"]:
-    """Forward and lateral velocity [m/s] and yaw rate [rad/s] at each frame, as a mean over `STRIDE_S` about it.
+) -> tuple[CommandVelocity, Float[np.ndarray, "t 3"]]:
+    """Means as in `command_velocity`; forward and lateral velocity [m/s] and yaw rate [rad/s] at each frame, as a mean
+    over `STRIDE_S` about it.
 
     The velocity is turned into the heading frame first, so that walking on a curve loses nothing. At the ends of the
     motion the window shrinks to the half that is there.
     """
     yaw, velocity = _in_heading_frame(root_pos_w, root_quat_w, fps)
     command = np.concatenate([velocity[:, :2], time_series.derivative(yaw, fps)[:, None]], axis=1)
-    return time_series.moving_mean(command, 2 * round(STRIDE_S * fps / 2.0) + 1)
+    over_time = time_series.moving_mean(command, 2 * round(STRIDE_S * fps / 2.0) + 1)
+    if len(root_pos_w) < 2:
+        return CommandVelocity(forward_m_s=0.0, lateral_m_s=0.0, yaw_rate_rad_s=0.0), over_time
+    turned = float(yaw[-1] - yaw[0]) * fps / (len(yaw) - 1)
+    forward, lateral = (float(velocity[:, axis].mean()) for axis in range(2))
+    return CommandVelocity(forward_m_s=forward, lateral_m_s=lateral, yaw_rate_rad_s=turned), over_time
 
 
 def _in_heading_frame(root_pos_w: np.ndarray, root_quat_w: np.ndarray, fps: float) -> tuple[np.ndarray, np.ndarray]:
