@@ -14,8 +14,6 @@ It meets the effort limit at the knee speed when saturation = knee torque / (1 -
 the box's velocity limit as its own would leave no torque at the knee.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -1,7 +1,5 @@
 """Calibrate a motor from its measurement file: its knee, or the reasons against it."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Any
@@ -144,7 +142,7 @@ class Calibration:
         return dataclasses.asdict(self)
 
     @staticmethod
-    def from_dict(value: dict[str, Any]) -> Calibration:
+    def from_dict(value: dict[str, Any]) -> "Calibration":
         """Inverse of `to_dict`, also after a JSON round trip."""
         plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
         if (knee := plain["knee"]) is not None:

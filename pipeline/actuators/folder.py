@@ -1,7 +1,5 @@
 """Calibrate all motors in a folder of measurements, with memoized results."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

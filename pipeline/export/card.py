@@ -1,7 +1,5 @@
 """The model card: a policy's origin, training run, data, licence and files."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Vectorized forward kinematics of a robot in numpy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

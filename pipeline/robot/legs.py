@@ -1,7 +1,5 @@
 """The joints of the legs, from the human correspondence and the tree; names do not matter."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A robot as plain arrays and text, picklable for worker processes; its kinematic tree with forward kinematics."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -165,7 +163,7 @@ class Robot:
             own |= dict(zip(naming, self.joint_names, strict=True))
         return tuple(name if name in self.joint_names else own.get(name, name) for name in names)
 
-    def in_naming(self, naming: str) -> Robot:
+    def in_naming(self, naming: str) -> "Robot":
         """The robot whose joints have the names of a naming, for what is written for others to read; its own names are
         then the naming `own`. Raises UnknownNameError."""
         if naming not in self.namings:

@@ -1,7 +1,5 @@
 """The tables of a robot folder (CSV) as typed rows, with checks of single rows."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

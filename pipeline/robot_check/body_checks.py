@@ -1,7 +1,5 @@
 """Masses, inertias, the links that stand for parts of a person, and left against right."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

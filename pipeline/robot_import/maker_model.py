@@ -3,8 +3,6 @@
 Links without a movable joint are merged into their parents by the readers, so every link but the root has one hinge.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +19,7 @@ class MakerJoint:
     """A hinge: torque [N m], speed [rad/s], armature [kg m^2], kp [N m/rad], kd [N m s/rad]; None if not stated."""
 
     name: str
-    axis: Float[np.ndarray, 3]
+    axis: Float[np.ndarray, " 3"]
     """Unit vector in the joint frame."""
     lower: float | None
     upper: float | None
@@ -43,13 +41,13 @@ class MakerLink:
     """Index of the parent; -1 for the root."""
     joint: MakerJoint | None
     """The hinge to the parent; None for the root."""
-    pos: Float[np.ndarray, 3]
+    pos: Float[np.ndarray, " 3"]
     """Joint frame in the parent's frame [m]."""
-    quat: Float[np.ndarray, 4]
+    quat: Float[np.ndarray, " 4"]
     """Joint frame in the parent's frame, wxyz."""
     mass: float
     """[kg]"""
-    com: Float[np.ndarray, 3]
+    com: Float[np.ndarray, " 3"]
     """Centre of mass in the link frame [m]."""
     inertia: Float[np.ndarray, "3 3"]
     """About the centre of mass, axes of the link frame [kg m^2]."""
@@ -66,9 +64,9 @@ class MakerShape:
     """`box`, `sphere`, `cylinder`, `capsule`, or `mesh`."""
     collides: bool
     shown: bool
-    pos: Float[np.ndarray, 3]
+    pos: Float[np.ndarray, " 3"]
     """In the link frame [m]."""
-    quat: Float[np.ndarray, 4]
+    quat: Float[np.ndarray, " 4"]
     """In the link frame, wxyz."""
     size: tuple[float, ...] = ()
     """As in shapes.csv: half extents; radius; radius and half length [m]."""
@@ -82,7 +80,7 @@ class MakerSite:
 
     name: str
     link: str
-    pos: Float[np.ndarray, 3]
+    pos: Float[np.ndarray, " 3"]
     """In the link frame [m]."""
 
 

@@ -1,7 +1,5 @@
 """Parts of names that left and right differ by."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Numbers of a model file as a table states them."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterable
 
@@ -28,12 +26,12 @@ def columns(names: str, values: Iterable[float]) -> dict[str, float]:
     return dict(zip(names.split(), values, strict=True))
 
 
-def quat_of(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, 4]:
+def quat_of(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
     """Orientation (wxyz, w not negative) of a rotation matrix."""
     return np.roll(Rotation.from_matrix(matrix).as_quat(canonical=True), 1)
 
 
-def round_axis(quat: Float[np.ndarray, 4]) -> Float[np.ndarray, 4]:
+def round_axis(quat: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
     """The smallest turn (wxyz) to the long axis of a cylinder or capsule, whose ends and angle about it are alike."""
     axis = rotation.rotate(quat, np.array([0.0, 0.0, 1.0]))
     x, y, z = np.where(np.abs(axis) < RIGHT_ANGLE, 0.0, axis).tolist()
@@ -45,7 +43,7 @@ def round_axis(quat: Float[np.ndarray, 4]) -> Float[np.ndarray, 4]:
     return rotation.from_rotvec(np.arctan2(length, z) * np.array([-y, x, 0.0]) / length)
 
 
-def rpy_of(quat: Float[np.ndarray, 4]) -> tuple[float, ...]:
+def rpy_of(quat: Float[np.ndarray, " 4"]) -> tuple[float, ...]:
     """Roll, pitch, yaw about fixed axes [rad] of an orientation (wxyz); right angles are exact."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # gimbal lock: any of the equal triples will do

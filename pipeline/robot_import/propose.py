@@ -1,7 +1,5 @@
 """The tables of a robot folder from a maker's model: what the file states, and proposals for the rest."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Rows of shapes.csv from a maker's shapes; primitives in place of meshes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

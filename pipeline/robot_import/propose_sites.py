@@ -1,7 +1,5 @@
 """Rows of sites.csv: the maker's own sites, and proposals for soles, hands and the counterparts of human joints."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 
@@ -73,7 +71,7 @@ def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
     return places
 
 
-def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, 2], Float[np.ndarray, 2], float]:
+def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], float]:
     """Lower and upper bounds of the sole in x and y, and its height, in the foot's frame [m]."""
     solid = [shape for shape in source.shapes if shape.link == foot and shape.collides]
     shapes = solid or [shape for shape in source.shapes if shape.link == foot]

@@ -1,7 +1,5 @@
 """Read an MJCF through MuJoCo's MjSpec."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """Read a URDF: tree, limits and inertias by Pinocchio, shapes from the file."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree as Xml

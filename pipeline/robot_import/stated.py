@@ -1,7 +1,5 @@
 """What a person states of a robot's joints: a CSV with the column `joint` and any other columns of joints.csv."""
 
-from __future__ import annotations
-
 import io
 import math
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@
 <folder>/bundle.json             digests of robot, motions and files, and the clips' licences
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import dataclass

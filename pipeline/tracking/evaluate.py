@@ -1,7 +1,5 @@
 """How well a tracker follows references: nominal rollouts of many clips in parallel processes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -9,8 +9,6 @@
 Every clip of the bundle is rolled out once without disturbance; the figures go into the card.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """KP4 on one reference: its nominal rollout and its disturbed ones, cut where tracking fails."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import math

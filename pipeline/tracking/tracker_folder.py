@@ -7,8 +7,6 @@
 `python -m pipeline.tracking.export_tracker` writes one from a training run.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A policy deployed on a robot, shared by every engine and cell."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Run the rollouts of each verdict with each ankle damping of the robot's `validat
 it has none), and write the bars: the worst figure of all trials plus its margin. Bars of other parts are kept.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import itertools

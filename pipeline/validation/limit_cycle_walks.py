@@ -1,7 +1,5 @@
 """Limit cycles of a policy's steady walk in each engine and in hardware logs, compared at each speed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any

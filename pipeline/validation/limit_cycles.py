@@ -19,8 +19,6 @@ Planes: hip against knee [rad], and each angle against its speed times T / 2 pi 
 is a circle at any cadence.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

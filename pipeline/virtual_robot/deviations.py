@@ -1,7 +1,5 @@
 """Deviations of a virtual robot from its model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
