@@ -34,10 +34,10 @@ def measurements_key(robot: str) -> dg.AssetKey:
     return Plan("actuator_measurements", ROBOT, (), robot=robot).key
 
 
-def measurements_version(project: Project, robot: str) -> str:
-    """Digest of a robot's measurement files; that of no files where it has no folder."""
-    folder = project.actuators(robot)
-    return digest.of_files(sorted(folder.glob("*.csv")), folder)
+def measurements_version(project: Project, robot: str) -> tuple[str, dict[str, Any]]:
+    """Digest of a robot's measurement files, and their number; those of no files where it has no folder."""
+    files = sorted(project.actuators(robot).glob("*.csv"))
+    return digest.of_files(files, project.actuators(robot)), {"files": len(files)}
 
 
 def actuator_measurements(robot: str) -> dg.AssetSpec:

@@ -6,7 +6,6 @@ parts are empty, and nothing of the hardware's is read. A part of that file that
 own, so that the asset that uses it is stale and fails with that reason; nothing else does.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,9 +13,8 @@ import dagster as dg
 
 from assets.plan import group_of
 from assets.project import DEFAULT_ROBOT, Project
-from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
-from pipeline.feedback.approved import Approvals, lineage, part_of, part_version
+from pipeline.feedback.approved import Approvals, part_of, part_version
 from pipeline.feedback.change import Change
 from pipeline.files import digest
 from pipeline.files.shown_text import markdown_list
@@ -83,11 +81,6 @@ def approved_part(project: Project, section: str, robot: str | None) -> tuple[Ch
     if section in approvals.faults:
         raise approvals.faults[section]
     return part_of(approvals.changes, section, None if section in SHARED_PARTS else robot)
-
-
-def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest:
-    """The manifest, and in it the changes that took effect with the logs that they rest on; as it is without any."""
-    return dataclasses.replace(manifest, settings={**manifest.settings, **lineage(part, section)})
 
 
 def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:

@@ -13,7 +13,6 @@ import dagster as dg
 import pandas as pd
 from dagster._core.storage.asset_check_execution_record import AssetCheckExecutionRecordStatus
 
-from assets.motions import short_of_wanted
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, table_of
@@ -24,6 +23,7 @@ from pipeline.errors import FileError
 from pipeline.expert import DatabaseError, check_database
 from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_against_rollouts
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
+from pipeline.feedback.windows import short_of_wanted
 from pipeline.files import settings
 from pipeline.robot import load_robot
 from pipeline.tracking.process import disturbed_motion

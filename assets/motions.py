@@ -1,16 +1,11 @@
-"""The stages that are the same for every robot: catalogue, KP1, KP2.
-
-KP1's windows include those that approved feedback asks for; what is short of it is reported.
-"""
+"""The stages that are the same for every robot: catalogue, KP1, KP2."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import dagster as dg
 
-from assets.approved import approval_metadata, approved_key, approved_part, noting
+from assets.approved import approval_metadata, approved_key, approved_part
 from assets.checks import check_specs
 from assets.plan import SHARED
 from assets.project import PROJECT
@@ -19,45 +14,10 @@ from assets.resources import ClipPoolResource
 from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
-from pipeline.clips.outcome import Reason
-from pipeline.feedback.approved import wanted_seconds
-from pipeline.feedback.change import Change
-from pipeline.files import digest, settings
+from pipeline.feedback.windows import chosen_windows
+from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
-from pipeline.selection import Curation, RaisedBound, choose, idle_patterns, process, raised_bounds
-
-BOUNDS = "bounds raised by feedback"
-"""Stage name under which a manifest says what raised bounds brought."""
-
-
-def chosen_windows(
-    windows: Manifest, curation: Curation, feedback: Sequence[Change]
-) -> tuple[Manifest, tuple[RaisedBound, ...]]:
-    """The windows that are taken, the others with their reason, and what each bound brought that feedback raised.
-
-    The manifest names the changes and what they brought; without changes it is as the curation alone makes it.
-    """
-
-    rows, wanted = windows.entry_table(), wanted_seconds(curation, feedback)
-    dropped = {
-        row.clip: Reason(code="not_taken", text=f"{row.clip}: {row.why}", effect="rejected").to_dict()
-        for row in choose(rows, wanted).itertuples()
-        if not row.taken
-    }
-    manifest = noting(windows.without(dropped), feedback, "selection")
-    bounds = raised_bounds(rows, curation, wanted, [change.what for change in feedback])
-    if bounds:
-        record = {"stage": BOUNDS, "bounds": [each.to_dict() for each in bounds]}
-        manifest = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(record): record})
-    return manifest, bounds
-
-
-def short_of_wanted(stages: Mapping[str, Any]) -> tuple[str, ...]:
-    """A message for each skill that feedback requests more of than there is, from the stages of a manifest."""
-    named = (facts for facts in stages.values() if isinstance(facts, dict) and facts.get("stage") == BOUNDS)
-    bounds = [each for facts in named for each in facts["bounds"]]
-    return tuple(each["text"] for each in bounds if each["short"])
-
+from pipeline.selection import Curation, idle_patterns, process
 
 CATALOG, SELECTED, REPAIRED = SHARED
 

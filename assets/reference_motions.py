@@ -7,7 +7,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.approved import approval_metadata, approved_part, noting
+from assets.approved import approval_metadata, approved_part
 from assets.checks import check_specs
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
@@ -22,7 +22,7 @@ from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility import process as feasibility
 from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.image import nothing_assessed, pair
-from pipeline.feedback.approved import further_variants
+from pipeline.feedback.approved import further_variants, noting
 from pipeline.feedback.change import Change
 from pipeline.files import settings
 from pipeline.robot import load_robot

@@ -9,7 +9,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
-from assets.approved import approval_metadata, approved_part, approved_specs, noting
+from assets.approved import approval_metadata, approved_part, approved_specs
 from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
 from assets.database import materialize_database
@@ -38,6 +38,7 @@ from pipeline.feasibility.command_space import by_command
 from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.evaluated import Results, results_of_pieces, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
+from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot

@@ -230,7 +230,7 @@ def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
         raise FileError(path, "its columns are not those of a table of actuators.", "Materialize adapted_robot again.")
 
     def value(name: str, cell: str) -> str | float:
-        if types[name] == "str":
+        if types[name] is str:
             return cell
         return plain_number(cell) if cell else math.nan
 

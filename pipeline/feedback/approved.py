@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from pipeline.augment import AugmentSettings, Strengths
+from pipeline.batch import Manifest
 from pipeline.errors import PipelineError, SettingsError
 from pipeline.feedback.change import (
     SECTIONS,
@@ -194,6 +195,11 @@ def lineage(part: Sequence[Change], section: str) -> dict[str, Any]:
     if not part:
         return {}
     return {part_version(part): {"stage": f"{LINEAGE}{section}", "changes": [each.to_dict() for each in part]}}
+
+
+def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest:
+    """The manifest, and in it the changes that took effect with the logs that they rest on; as it is without any."""
+    return dataclasses.replace(manifest, settings={**manifest.settings, **lineage(part, section)})
 
 
 def heard(stages: Mapping[str, Any]) -> dict[str, str]:

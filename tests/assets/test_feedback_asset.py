@@ -8,8 +8,7 @@ import pytest
 from assets import feedback
 from assets.approved import approvals_of
 from assets.project import Project
-from assets.runs import MAX_FAILURES
-from assets.sensors import page_request, renew_feedback_page
+from assets.sensors import MAX_FAILURES, page_request, renew_feedback_page
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approve import approve_proposal, take_back_sections

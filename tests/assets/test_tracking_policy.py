@@ -11,7 +11,7 @@ from typing import Any
 import dagster as dg
 import pytest
 
-from assets import bootstrap, definitions, resources, tracker_choice, tracking_policy, training_process
+from assets import bootstrap, definitions, freshness, resources, tracker_choice, tracking_policy, training_process
 from assets.plan import SHARED, plans, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -158,11 +158,14 @@ def test_a_tracker_is_needed_for_a_policy_on_a_gpu_whose_clips_it_was_not_traine
 
 def test_the_database_is_made_again_with_a_new_tracker():
     bootstrap.serve(definitions.defs)
-    made_for = bootstrap.made_for(bootstrap._parents(), plans(Project(Path.cwd())))
-    wanted = {PLANS[name].key for name in ("reference_motions", "tracking_policy", "augmented_motions", "expert_db")}
-    found = bootstrap._after_trackers(
-        {PLANS["tracking_policy"].key}, made_for, wanted | {PLANS["feasible_motions"].key}
-    )
-    names = {key.path[-1]: why for key, why in found.items()}
-    assert list(names) == ["tracking_policy", "augmented_motions", "feasible_motions", "expert_db"]
-    assert names["augmented_motions"] == "'tracking_policy' is trained first"
+    known = plans(Project(Path.cwd()))
+    parents = {key: above & set(known) for key, above in bootstrap._parents().items() if key in known}
+    with dg.DagsterInstance.ephemeral() as instance, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(freshness, "_why_by_itself", lambda *_: "")
+        found = freshness.stale_reasons(
+            instance, Project(Path.cwd()), known, parents, {}, {PLANS["tracking_policy"].key: "needed"}
+        )
+    names = [key.to_user_string() for key in found]
+    assert names[:4] == ["tracking_policy", "augmented_motions", "feasible_motions", "expert_db"]
+    assert found[PLANS["augmented_motions"].key] == "'tracking_policy' is stale"
+    assert "reference_motions" not in names and "k1/expert_db" not in names
