@@ -9,7 +9,7 @@ import pandas as pd
 from assets.approved import approval_metadata, approved_key, approved_part
 from assets.plan import ROBOT, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, picture, result_of, table_of
 from pipeline.actuators.adapted_robot import adapt, torque_envelope, write_adapted_robot
 from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.folder import calibrate_folder, read_published
@@ -24,6 +24,7 @@ from pipeline.robot_check.agreement import models_agree
 
 CALIBRATED = "every_motor_calibrated"
 AGREE = "adapted_models_agree"
+MODELS_AGREE = "MJCF and URDF compile and have the same mass and joints."
 STANDS = "adapted_robot_stands"
 MAX_TILT_DEG = 1.0
 """Largest tilt of the adapted robot in its standing pose over 10 s."""
@@ -52,12 +53,9 @@ def actuator_measurements(robot: str) -> dg.AssetSpec:
 
 def actuator_calibration(plan: Plan) -> Any:
     """The asset `actuator_calibration` of a robot."""
-    spec = dg.AssetCheckSpec(
-        CALIBRATED, asset=plan.key, description="Each motor of the table has a knee that was not refused."
-    )
+    checks = {CALIBRATED: "Each motor of the table has a knee that was not refused."}
 
-    @dg.asset(**declared(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)]), check_specs=[spec])
-    @plain_errors
+    @asset_of(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)], checks=checks)
     def actuator_calibration(context: dg.AssetExecutionContext):
         """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
@@ -117,20 +115,15 @@ def _with_interval(interval: Any) -> str:
 
 def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
     """The asset `adapted_robot` of a robot."""
-    inputs = {"actuator_calibration": dg.AssetIn(calibration.key), "robot_model": dg.AssetIn(model.key)}
-    specs = [
-        dg.AssetCheckSpec(
-            AGREE, asset=plan.key, blocking=True, description="MJCF and URDF compile and have the same mass and joints."
-        ),
-        dg.AssetCheckSpec(
-            STANDS,
-            asset=plan.key,
-            description=f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree.",
-        ),
-    ]
 
-    @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[approved_key("motors", plan.robot)]), check_specs=specs)
-    @plain_errors
+    @asset_of(
+        plan,
+        "mujoco",
+        inputs={"actuator_calibration": calibration, "robot_model": model},
+        deps=[approved_key("motors", plan.robot)],
+        checks={STANDS: f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree."},
+        blocking={AGREE: MODELS_AGREE},
+    )
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
         name = plan.robot or DEFAULT_ROBOT

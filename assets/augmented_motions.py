@@ -13,9 +13,9 @@ import pandas as pd
 from assets.checks import check_specs
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, stage_metadata, table_of
+from assets.report import asset_of, picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from assets.stage import materialized, stage_of
 from assets.tracker_choice import no_tracker, tracker_file
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Entry, Manifest, run_stage
@@ -38,10 +38,9 @@ BEFORE_AND_AFTER = (
 
 def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan) -> Any:
     """The asset `augmented_motions` of a robot."""
-    inputs = inputs_of(reference_motions=references, tracking_policy=policy, adapted_robot=adapted)
+    inputs = {"reference_motions": references, "tracking_policy": policy, "adapted_robot": adapted}
 
-    @dg.asset(**declared_motions(plan, "mujoco", "4", inputs), check_specs=check_specs(plan))
-    @plain_errors
+    @asset_of(plan, "mujoco", "4", inputs=inputs, specs=check_specs(plan))
     def augmented_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,

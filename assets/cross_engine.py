@@ -8,7 +8,7 @@ import pandas as pd
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, picture, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
@@ -21,11 +21,9 @@ HOLDS = "holds_in_both_engines"
 
 def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     """The asset `cross_engine_validation` of a robot."""
-    spec = dg.AssetCheckSpec(HOLDS, asset=plan.key, description="No fall, commands kept, engines agree where required.")
-    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+    checks = {HOLDS: "No fall, commands kept, engines agree where required."}
 
-    @dg.asset(**declared(plan, "dart", ins=inputs, deps=[adapted.key]), check_specs=[spec])
-    @plain_errors
+    @asset_of(plan, "dart", inputs={"exported_policy": exported}, deps=[adapted.key], checks=checks)
     def cross_engine_validation(
         context: dg.AssetExecutionContext,
         config: EvaluatedPolicyConfig,

@@ -83,32 +83,13 @@ COMMANDS = "command_coverage"
 MIN_SKILL_SECONDS = 4.0
 
 
-def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
-    """The checks that the database declares."""
-    return [
-        dg.AssetCheckSpec(
-            WHOLE,
-            asset=plan.key,
-            blocking=True,
-            description="It has clips; every file has its digest; frames finite, quaternions unit, weights positive.",
-        ),
-        dg.AssetCheckSpec(
-            COVERED,
-            asset=plan.key,
-            description=f"Each of the ten skills has at least {MIN_SKILL_SECONDS:g} s before mirroring.",
-        ),
-        dg.AssetCheckSpec(
-            COMMANDS,
-            asset=plan.key,
-            description="The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
-        ),
-        dg.AssetCheckSpec(
-            REALIZABLE,
-            asset=plan.key,
-            description=f"A classifier tells windows of the database from rollouts under other seeds in at most "
-            f"{100 * WARN_ABOVE:.0f} of 100 held-out windows; 50 is chance.",
-        ),
-    ]
+BLOCKING = {WHOLE: "It has clips; every file has its digest; frames finite, quaternions unit, weights positive."}
+CHECKS = {
+    COVERED: f"Each of the ten skills has at least {MIN_SKILL_SECONDS:g} s before mirroring.",
+    COMMANDS: "The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
+    REALIZABLE: f"A classifier tells windows of the database from rollouts under other seeds in at most "
+    f"{100 * WARN_ABOVE:.0f} of 100 held-out windows; 50 is chance.",
+}
 
 
 def judge_database(plan: Plan, *, frames: bool = True) -> Iterator[dg.AssetCheckResult]:
@@ -134,9 +115,9 @@ def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetChec
     Evaluated again where one never was.
     """
     evaluations = []
-    for spec in database_check_specs(plan):
+    for name in (*BLOCKING, *CHECKS):
         records = instance.event_log_storage.get_asset_check_execution_history(
-            spec.key,
+            dg.AssetCheckKey(plan.key, name),
             limit=1,
             status={AssetCheckExecutionRecordStatus.SUCCEEDED, AssetCheckExecutionRecordStatus.FAILED},
         )
@@ -146,7 +127,7 @@ def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetChec
         evaluations.append(
             dg.AssetCheckResult(
                 asset_key=plan.key,
-                check_name=spec.name,
+                check_name=name,
                 passed=evaluation.passed,
                 severity=evaluation.severity,
                 metadata=evaluation.metadata,

@@ -9,7 +9,7 @@ import pandas as pd
 from assets.hardware import trials_of
 from assets.plan import FIELD, TRIALS, Plan, robot_plans
 from assets.project import PROJECT
-from assets.report import as_failure, check_result, declared, plain_errors, result_of, table_of
+from assets.report import as_failure, asset_of, check_result, result_of, table_of
 from pipeline.actuators.adapted_robot import adapt
 from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.settings import ActuatorSettings
@@ -37,16 +37,13 @@ def _calibrations() -> dict[str, Plan]:
     return {robot: robot_plans(robot)["actuator_calibration"] for robot in PROJECT.robots}
 
 
-@dg.asset(
-    **declared(FAILURES, "numpy", deps=[plan.key for plan in _calibrations().values()]),
-    ins={"hardware_trials": dg.AssetIn(TRIALS.key)},
-    check_specs=[
-        dg.AssetCheckSpec(
-            LOOKED, asset=FAILURES.key, description="Every trial is of a robot that is here, and was read."
-        )
-    ],
+@asset_of(
+    FAILURES,
+    "numpy",
+    inputs={"hardware_trials": TRIALS},
+    deps=[plan.key for plan in _calibrations().values()],
+    checks={LOOKED: "Every trial is of a robot that is here, and was read."},
 )
-@plain_errors
 def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
     """Failures of each trial: kind, time, command, evidence, confidence, and whether the policy is the cause."""
     found = {name: _answer(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}

@@ -12,11 +12,11 @@ import dagster as dg
 import pandas as pd
 
 from assets.approval import ensure_token
-from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
+from assets.approved import PAGE_TAG, approvals_of, shown_state
 from assets.failure_modes import reports_of
 from assets.plan import FIELD
 from assets.project import PROJECT
-from assets.report import check_result, curator_link, declared, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, curator_link, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.feasibility import CommandSettings
 from pipeline.feedback.approved import Approvals, entries_of, write_entries
@@ -140,16 +140,12 @@ FAILURES, FEEDBACK, REPORT = FIELD
 NOTHING_PENDING = "nothing_pending"
 
 
-@dg.asset(
-    **declared(FEEDBACK, "python"),
-    ins={"failure_modes": dg.AssetIn(FAILURES.key)},
-    check_specs=[
-        dg.AssetCheckSpec(
-            NOTHING_PENDING, asset=PROPOSAL, description="What the rules propose is what a person approved."
-        )
-    ],
+@asset_of(
+    FEEDBACK,
+    "python",
+    inputs={"failure_modes": FAILURES},
+    checks={NOTHING_PENDING: "What the rules propose is what a person approved."},
 )
-@plain_errors
 def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest):
     """Changes that the failures ask for, by data/feedback_rules.yaml: each bounded, with the logs that it rests on.
 
@@ -187,8 +183,7 @@ def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     write_entries(PROJECT.approved_feedback, entries_of(kept, proposal, "the rules, which ask for no approval"))
 
 
-@dg.asset(**declared(REPORT, "mujoco"), ins={"failure_modes": dg.AssetIn(FAILURES.key)})
-@plain_errors
+@asset_of(REPORT, "mujoco", inputs={"failure_modes": FAILURES})
 def sim_to_real_report(failure_modes: Manifest):
     """Each trial beside MuJoCo with the same policy, gains and command: tracking, and the limit cycles of the legs."""
     rows, notes = [], []

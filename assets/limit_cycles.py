@@ -10,7 +10,7 @@ from assets.hardware import trials_of as files_of
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, served
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, picture, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
 from pipeline.files import settings
@@ -23,13 +23,9 @@ AGREE = "engines_agree"
 
 def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey | None) -> Any:
     """The asset `limit_cycles` of a robot; `trials` are the logs of robots, where the graph has them."""
-    spec = dg.AssetCheckSpec(AGREE, asset=plan.key, description="MuJoCo and DART walk alike at the required speeds.")
-    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+    checks, deps = {AGREE: "MuJoCo and DART walk alike at the required speeds."}, [adapted.key, trials]
 
-    @dg.asset(
-        **declared(plan, "mujoco", ins=inputs, deps=[adapted.key, *([trials] if trials else [])]), check_specs=[spec]
-    )
-    @plain_errors
+    @asset_of(plan, "mujoco", inputs={"exported_policy": exported}, deps=list(filter(None, deps)), checks=checks)
     def limit_cycles(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
         from pipeline.validation.limit_cycle_walks import limit_cycles as find

@@ -9,7 +9,7 @@ from assets.approved import approval_metadata, approved_key, approved_part
 from assets.checks import check_specs
 from assets.plan import SHARED
 from assets.project import PROJECT
-from assets.report import declared, picture, plain_errors, stage_metadata
+from assets.report import asset_of, picture, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
 from assets.stage import materialized, stage_of
@@ -22,11 +22,7 @@ from pipeline.selection import Curation, idle_patterns, process
 CATALOG, SELECTED, REPAIRED = SHARED
 
 
-@dg.asset(
-    **declared(CATALOG, "python", deps=[RAW_MOTIONS]),
-    check_specs=check_specs(CATALOG),
-)
-@plain_errors
+@asset_of(CATALOG, "python", deps=[RAW_MOTIONS], specs=check_specs(CATALOG))
 def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource):
     """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
     from pipeline.catalog import CatalogSettings, catalogue_file
@@ -45,12 +41,14 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     return materialized(CATALOG, manifest, metadata)
 
 
-@dg.asset(
-    **declared(SELECTED, "python", deps=[approved_key("selection", None)], tags={"kp": "1"}),
-    ins={"motion_catalog": dg.AssetIn(CATALOG.key)},
-    check_specs=check_specs(SELECTED),
+@asset_of(
+    SELECTED,
+    "python",
+    "1",
+    inputs={"motion_catalog": CATALOG},
+    deps=[approved_key("selection", None)],
+    specs=check_specs(SELECTED),
 )
-@plain_errors
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
     from pipeline.viewing.plots import command_coverage
@@ -73,12 +71,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     return materialized(SELECTED, manifest, metadata)
 
 
-@dg.asset(
-    **declared(REPAIRED, "numpy", tags={"kp": "2"}),
-    ins={"selected_motions": dg.AssetIn(SELECTED.key)},
-    check_specs=check_specs(REPAIRED),
-)
-@plain_errors
+@asset_of(REPAIRED, "numpy", "2", inputs={"selected_motions": SELECTED}, specs=check_specs(REPAIRED))
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
     """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
     from pipeline.repair import RepairSettings, prepare, process

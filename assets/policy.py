@@ -12,7 +12,7 @@ import numpy as np
 
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import check_result, declared, plain_errors, result_of
+from assets.report import asset_of, check_result, result_of
 from assets.training_process import curves_of
 from pipeline.batch import Manifest
 from pipeline.deployment import load_policy
@@ -44,13 +44,14 @@ class ExportConfig(dg.Config):
 
 def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
     """The asset `exported_policy` of a robot."""
-    specs = [
-        dg.AssetCheckSpec(EXACT, asset=plan.key, blocking=True, description="ONNX and TorchScript are the network's."),
-        dg.AssetCheckSpec(MAY_SHIP, asset=plan.key, description="The licence of its expert database lets it ship."),
-    ]
 
-    @dg.asset(**declared(plan, "onnx", deps=[trained.key, model.key]), check_specs=specs)
-    @plain_errors
+    @asset_of(
+        plan,
+        "onnx",
+        deps=[trained.key, model.key],
+        checks={MAY_SHIP: "The licence of its expert database lets it ship."},
+        blocking={EXACT: "ONNX and TorchScript are the network's."},
+    )
     def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig):
         """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
         from pipeline.export.folder import read_export

@@ -1,7 +1,4 @@
-"""What assets declare and report: result, checks, metadata, tables, pictures, links, and errors of one sentence.
-
-`plain_errors`: a PipelineError or TrainingError becomes a Failure with that sentence, without a traceback of ours.
-"""
+"""What assets declare and report: result, checks, metadata, tables, pictures, links, and errors of one sentence."""
 
 import base64
 import functools
@@ -22,17 +19,47 @@ from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
 
 
-def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
-    """The arguments of `dg.asset` that follow from the plan."""
-    tags = {"tags": {"robot": plan.robot}} if plan.robot else {}
-    return {
-        "key": plan.key,
-        "group_name": group_of(plan.name, plan.robot),
-        "kinds": {kind},
-        "code_version": plan.code_version(),
-        **tags,
-        **others,
-    }
+def asset_of(
+    plan: Plan,
+    kind: str,
+    kp: str = "",
+    *,
+    inputs: Mapping[str, Plan] | None = None,
+    checks: Mapping[str, str] | None = None,
+    blocking: Mapping[str, str] | None = None,
+    specs: Sequence[dg.AssetCheckSpec] = (),
+    **others: Any,
+) -> Callable[[Callable[..., Any]], dg.AssetsDefinition]:
+    """`dg.asset` with what follows from the plan. An error of the project is a Failure with its sentence.
+
+    Args:
+        kind: what it is made with, as the graph shows it
+        kp: number of its key problem
+        inputs: what it takes, by argument name
+        checks: checks that it declares, name -> description; those of `blocking` stop what is downstream
+        specs: further checks
+        others: of `dg.asset`
+    """
+    named = [(blocking or {}, True), (checks or {}, False)]
+    declared = [
+        dg.AssetCheckSpec(name, asset=plan.key, blocking=blocks, description=text)
+        for texts, blocks in named
+        for name, text in texts.items()
+    ]
+
+    def decorate(function: Callable[..., Any]) -> dg.AssetsDefinition:
+        return dg.asset(
+            key=plan.key,
+            group_name=group_of(plan.name, plan.robot),
+            kinds={kind},
+            code_version=plan.code_version(),
+            tags={name: value for name, value in (("robot", plan.robot), ("kp", kp)) if value},
+            ins={name: dg.AssetIn(each.key) for name, each in (inputs or {}).items()},
+            check_specs=[*specs, *declared],
+            **others,
+        )(plain_errors(function))
+
+    return decorate
 
 
 def result_of(

@@ -8,27 +8,27 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
-from assets.approved import approval_metadata, approved_part, approved_specs
+from assets.actuators import MODELS_AGREE, actuator_calibration, actuator_measurements, adapted_robot
+from assets.approved import approval_metadata, approved_key, approved_part, approved_specs
 from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
 from assets.database import materialize_database
-from assets.database_checks import database_check_specs
-from assets.plan import Plan, robot_plans
+from assets.database_checks import BLOCKING, CHECKS
+from assets.plan import SHARED, Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
 from assets.report import (
     as_failure,
+    asset_of,
     check_result,
     joint_table,
     picture,
-    plain_errors,
     result_of,
     stage_metadata,
     table_of,
 )
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
+from assets.stage import materialized, references_of, stage_of, thresholds, write_table
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
@@ -83,18 +83,7 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
 
 
 def _robot_model(plan: Plan) -> Any:
-    @dg.asset(
-        **declared_motions(plan, "mujoco"),
-        check_specs=[
-            dg.AssetCheckSpec(
-                "models_agree",
-                asset=plan.key,
-                blocking=True,
-                description="MJCF and URDF compile and have the same mass and joints.",
-            )
-        ],
-    )
-    @plain_errors
+    @asset_of(plan, "mujoco", blocking={"models_agree": MODELS_AGREE})
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
@@ -108,13 +97,9 @@ def _robot_model(plan: Plan) -> Any:
 
 
 def _retargeted_motions(plan: Plan, model: Plan) -> Any:
-    inputs = {"repaired_motions": dg.AssetIn(dg.AssetKey(["repaired_motions"])), **inputs_of(robot_model=model)}
-
-    @dg.asset(
-        **declared_motions(plan, "placo", "4", inputs),
-        check_specs=check_specs(plan),
+    @asset_of(
+        plan, "placo", "4", inputs={"repaired_motions": SHARED[-1], "robot_model": model}, specs=check_specs(plan)
     )
-    @plain_errors
     def retargeted_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -139,20 +124,21 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
 
 
 def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Plan) -> Any:
-    inputs = inputs_of(augmented_motions=rollouts, reference_motions=references, adapted_robot=adapted)
-    stored = dg.AssetCheckSpec(
-        "stored_as_evaluated",
-        asset=plan.key,
-        blocking=True,
-        description="Every accepted clip is in the store under the digest of its bytes, and reading and writing it "
-        "again gives the same bytes: what is stored is what was evaluated.",
+    stored = "stored_as_evaluated"
+    bytes_hold = (
+        "Every accepted clip is in the store under the digest of its bytes, and reading and writing it again gives the "
+        "same bytes: what is stored is what was evaluated."
     )
 
-    @dg.asset(
-        **declared_motions(plan, "mujoco", "5", inputs, "weights"),
-        check_specs=[*check_specs(plan), stored],
+    @asset_of(
+        plan,
+        "mujoco",
+        "5",
+        inputs={"augmented_motions": rollouts, "reference_motions": references, "adapted_robot": adapted},
+        deps=[approved_key("weights", plan.robot)],
+        specs=check_specs(plan),
+        blocking={stored: bytes_hold},
     )
-    @plain_errors
     def feasible_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -201,7 +187,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
         what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
-        check = check_result(plan, stored.name, not damaged, what, warn=False)
+        check = check_result(plan, stored, not damaged, what, warn=False)
         result = materialized(plan, manifest, metadata)
         return result._replace(check_results=[*result.check_results, check])
 
@@ -283,10 +269,13 @@ def _reweighed(
 
 
 def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
-    @dg.asset(
-        **declared_motions(plan, "json", inputs=inputs_of(feasible_motions=feasible, robot_model=model)),
+    @asset_of(
+        plan,
+        "json",
+        inputs={"feasible_motions": feasible, "robot_model": model},
+        checks=CHECKS,
+        blocking=BLOCKING,
         output_required=False,
-        check_specs=database_check_specs(plan),
     )
     def expert_db(
         context: dg.AssetExecutionContext,

@@ -9,9 +9,8 @@ import dagster as dg
 
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import plain_errors, result_of
+from assets.report import asset_of, result_of
 from assets.resources import ClipPoolResource, store_left_to_others
-from assets.stage import declared_motions, inputs_of
 from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
 from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, TrainingCommand, device_of, train
 from pipeline.batch import Manifest
@@ -60,8 +59,7 @@ class TrackerRun(TrainingCommand):
 def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
     """The asset `tracking_policy` of a robot."""
 
-    @dg.asset(**declared_motions(plan, "pytorch", "4", inputs_of(reference_motions=references, adapted_robot=adapted)))
-    @plain_errors
+    @asset_of(plan, "pytorch", "4", inputs={"reference_motions": references, "adapted_robot": adapted})
     def tracking_policy(
         context: dg.AssetExecutionContext,
         config: TrackerConfig,

@@ -9,7 +9,7 @@ import pandas as pd
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, picture, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
@@ -34,13 +34,9 @@ class ValidationConfig(EvaluatedPolicyConfig):
 
 def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     """The asset `mujoco_validation` of a robot."""
-    spec = dg.AssetCheckSpec(
-        PASSED, asset=plan.key, description="Every required cell of the robot's validation.yaml holds all of its bars."
-    )
-    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+    checks = {PASSED: "Every required cell of the robot's validation.yaml holds all of its bars."}
 
-    @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[adapted.key]), check_specs=[spec])
-    @plain_errors
+    @asset_of(plan, "mujoco", inputs={"exported_policy": exported}, deps=[adapted.key], checks=checks)
     def mujoco_validation(
         context: dg.AssetExecutionContext,
         config: ValidationConfig,

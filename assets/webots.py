@@ -8,7 +8,7 @@ import pandas as pd
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import check_result, declared, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
 from pipeline.files import settings
@@ -24,16 +24,15 @@ WALKS = "walks_in_webots"
 
 def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     """The asset `webots_validation` of a robot."""
-    specs = [
-        dg.AssetCheckSpec(
-            IS_THE_ROBOT, asset=plan.key, blocking=True, description="PROTO and world have the robot's numbers."
-        ),
-        dg.AssetCheckSpec(WALKS, asset=plan.key, description="The walk of data/webots.yaml in Webots itself."),
-    ]
-    inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
-    @dg.asset(**declared(plan, "webots", ins=inputs, deps=[adapted.key]), check_specs=specs)
-    @plain_errors
+    @asset_of(
+        plan,
+        "webots",
+        inputs={"exported_policy": exported},
+        deps=[adapted.key],
+        checks={WALKS: "The walk of data/webots.yaml in Webots itself."},
+        blocking={IS_THE_ROBOT: "PROTO and world have the robot's numbers."},
+    )
     def webots_validation(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
         from pipeline.validation.derived_bars import allowed_of
