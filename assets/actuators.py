@@ -62,7 +62,7 @@ def actuator_calibration(plan: Plan) -> Any:
         folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
         found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
         context.log.info(f"{len(found.motors)} motors, calibrated again: {', '.join(found.recomputed) or 'none'}")
-        by_motor = {each.motor: each.to_dict() for each in found.calibrations}
+        by_motor = {each.motor: settings.plain(each) for each in found.calibrations}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings=by_motor, recomputed=len(found.recomputed))
         refused = [f"{each.motor} {each.verdict}" for each in found.calibrations if not each.accepted]
         check = check_result(plan, CALIBRATED, not refused, "; ".join(refused) or f"{len(found.calibrations)} motors")
@@ -139,7 +139,7 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
         files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
         facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
-        facts |= {"feedback": [change.to_dict() for change in feedback]} if feedback else {}
+        facts |= {"feedback": settings.plain(feedback)} if feedback else {}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
         check = check_result(plan, AGREE, *models_agree(robot), warn=False)
         metadata, standing = _standing(plan, robot, actuators)

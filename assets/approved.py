@@ -16,7 +16,7 @@ from assets.project import DEFAULT_ROBOT, Project
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import Approvals, part_of, part_version
 from pipeline.feedback.change import Change
-from pipeline.files import digest
+from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
 
 PROPOSAL = dg.AssetKey(["curation_feedback"])
@@ -104,8 +104,7 @@ def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str
 def shown_state(approvals: Approvals, declined: Sequence[Change] = ()) -> str:
     """Digest of what the page of curation_feedback shows of a person's answers."""
     faults = {section: str(fault) for section, fault in approvals.faults.items()}
-    answers = [[change.to_dict() for change in each] for each in (approvals.changes, declined)]
-    return digest.of_json([*answers, faults])[:16]
+    return digest.of_json([settings.plain(approvals.changes), settings.plain(declined), faults])[:16]
 
 
 def _facts(part: Sequence[Change], fault: PipelineError | None) -> dict[str, Any]:

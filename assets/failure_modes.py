@@ -110,7 +110,7 @@ def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, polic
     if policy is not None:
         twin = twin_of(trial, robot, actuators, load_policy(policy), values, min(ends, default=trial.seconds))
     report = with_cycle_failures(report, twin, values)
-    return {"report": report.to_dict(), "twin": twin.to_dict() if twin else None}
+    return {"report": settings.plain(report), "twin": settings.plain(twin)}
 
 
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:

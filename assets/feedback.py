@@ -164,7 +164,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
         stage=FEEDBACK.name,
         entries=(),
         judged=(),
-        settings={f"{place:04d}": each.to_dict() for place, each in enumerate(proposal.changes)},
+        settings={f"{place:04d}": settings.plain(each) for place, each in enumerate(proposal.changes)},
     )
     ensure_token(PROJECT)
     approvals = approvals_of(PROJECT)

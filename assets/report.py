@@ -2,6 +2,7 @@
 
 import base64
 import functools
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -57,7 +58,7 @@ def asset_of(
             ins={name: dg.AssetIn(each.key) for name, each in (inputs or {}).items()},
             check_specs=[*specs, *declared],
             **others,
-        )(plain_errors(function))
+        )(_with_plain_errors(function))
 
     return decorate
 
@@ -201,12 +202,17 @@ def as_failure() -> Iterator[None]:
         raise dg.Failure(str(error), allow_retries=False) from None
 
 
-def plain_errors(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`as_failure` around the body of an asset."""
+def _with_plain_errors(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`as_failure` around the body of an asset, which may be a generator."""
 
     @functools.wraps(function)
-    def wrapped(*arguments: Any, **named: Any) -> Any:
+    def returned(*arguments: Any, **named: Any) -> Any:
         with as_failure():
             return function(*arguments, **named)
 
-    return wrapped
+    @functools.wraps(function)
+    def yielded(*arguments: Any, **named: Any) -> Any:
+        with as_failure():
+            yield from function(*arguments, **named)
+
+    return yielded if inspect.isgeneratorfunction(function) else returned

@@ -1,7 +1,6 @@
 """KP4's tracking policy of a robot: the one that ships, or one trained here, by request or before a policy."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +11,7 @@ from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import asset_of, result_of
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
-from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, TrainingCommand, device_of, train
+from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, Run, device_of, run_in, train
 from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import robot_facts
@@ -40,20 +39,6 @@ class TrackerConfig(dg.Config):
     minutes: float = 30.0
     """Training ends after so many, whatever the iterations."""
     seed: int = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackerRun(TrainingCommand):
-    """A training run of a tracker."""
-
-    num_envs: int
-    iterations: int
-    minutes: float
-
-    @property
-    def command(self) -> list[str]:
-        sizes = {"num_envs": self.num_envs, "iterations": self.iterations, "minutes": f"{self.minutes:g}"}
-        return [*self.with_options("pipeline.tracking", **sizes), "--resume"]
 
 
 def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
@@ -142,7 +127,7 @@ def _train(
     export_tracker(run.folder, bundle, adapted, PROJECT.policies(robot_name) / "tracker", made, clip_pool.pool())
 
 
-def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> TrackerRun:
+def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Run:
     """The run that a config asks for here; the same request continues in the same folder."""
     device = device_of(config.device, config.gpus)
     trial = device == "cpu"
@@ -155,7 +140,8 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Tr
         "seed": config.seed,
     }
     name = f"{'trial-' if trial else ''}seed{config.seed}-{digest.of_json([content, asked])[:10]}"
-    return TrackerRun(folder=runs / name, bundle=bundle, **asked)
+    gpus, options = asked.pop("gpus"), asked | {"minutes": f"{config.minutes:g}"}
+    return run_in(runs / name, bundle, "pipeline.tracking", gpus, "--resume", **options)
 
 
 def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any]:

@@ -5,8 +5,7 @@ The twin is the robot as it is calibrated, so what differs is what the calibrati
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -50,17 +49,6 @@ class Twin:
     cycles: tuple[Comparison, ...]
     """The trial's leg joints compared with the simulation's."""
     notes: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {
-            **asdict(self),
-            "command": list(self.command),
-            "achieved": list(self.achieved),
-            "simulated": list(self.simulated),
-            "cycles": [asdict(each) for each in self.cycles],
-            "notes": list(self.notes),
-        }
 
 
 def twin_of(

@@ -13,6 +13,7 @@ from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.approved import entries_of, write_entries
+from pipeline.files import settings
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
 NOBODY = ("required: true", "required: false")
@@ -38,8 +39,8 @@ def without_a_person(project: Project) -> None:
 
 def page(project: Project, *reports: TrialReport) -> tuple[dict, dg.AssetCheckResult]:
     """What the asset's page says of reports, and its check."""
-    settings = {each.trial: {"report": each.to_dict()} for each in reports}
-    failures = Manifest(stage="failure_modes", entries=(), judged=(), settings=settings)
+    stored = {each.trial: {"report": settings.plain(each)} for each in reports}
+    failures = Manifest(stage="failure_modes", entries=(), judged=(), settings=stored)
     result = made_of(failures)
     project.store.save("curation_feedback", result.value)
     (check,) = result.check_results
@@ -55,8 +56,8 @@ def made_of(failures: Manifest) -> dg.MaterializeResult:
 
 def note_page(instance: dg.DagsterInstance, *reports: TrialReport) -> dict:
     """Make the page and note it in the history; its rows."""
-    settings = {each.trial: {"report": each.to_dict()} for each in reports}
-    result = made_of(Manifest(stage="failure_modes", entries=(), judged=(), settings=settings))
+    stored = {each.trial: {"report": settings.plain(each)} for each in reports}
+    result = made_of(Manifest(stage="failure_modes", entries=(), judged=(), settings=stored))
     instance.report_runless_asset_event(dg.AssetMaterialization(dg.AssetKey(["curation_feedback"]), tags=result.tags))
     return dict(result.metadata or {})
 

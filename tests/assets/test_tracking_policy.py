@@ -1,7 +1,6 @@
 """`tracking_policy`: serves what ships, trains by request or before a policy, serves a full training and no trial."""
 
 import csv
-import dataclasses
 import json
 import logging
 import shutil
@@ -75,19 +74,19 @@ def test_the_shipped_tracker_is_served_and_a_trial_is_not(project: Project):
 
 def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot: Robot, monkeypatch):
     """The command of a GPU's run, with the CPU in its place."""
-    ran: list[list[str]] = []
+    ran: list[tuple[str, ...]] = []
 
-    def on_the_cpu(run: tracking_policy.TrackerRun, root: Path, lock: Path, log: logging.Logger) -> None:
+    def on_the_cpu(run: training_process.Run, root: Path, lock: Path, log: logging.Logger) -> None:
         ran.append(run.command)
         assert root == project.root and lock == project.training_lock
-        command = dataclasses.replace(run, device="cpu").command
+        command = ["cpu" if word == "cuda" else word for word in run.command]
         assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
 
     monkeypatch.setattr(training_process, "gpus_here", lambda: 1)
     monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
     found = materialized(train=tracker_choice.ALWAYS, num_envs=2, iterations=1)
     (command,) = ran
-    assert command[:2] == ["-m", "pipeline.tracking"] and command[-1] == "--resume"
+    assert command[:2] == ("-m", "pipeline.tracking") and command[-1] == "--resume"
     assert command[command.index("--device") + 1] == "cuda" and command[command.index("--minutes") + 1] == "30"
     assert (found["origin"], found["trained on"]) == (tracker_choice.TRAINED, "2 clips")
     assert found["references that it was not trained on"] == 0
@@ -104,8 +103,9 @@ def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Pro
     monkeypatch.setattr(training_process, "gpus_here", lambda: 2)
     config = tracking_policy.TrackerConfig(train=tracker_choice.ALWAYS, gpus=2)
     run = tracking_policy._run_of(config, project.root, project.root / "bundle", "content")
-    assert run.command[:4] == ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
-    assert (run.num_envs, run.iterations) == (4096, tracking_policy.ITERATIONS)
+    assert run.command[:4] == ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2")
+    sizes = [run.command[run.command.index(name) + 1] for name in ("--num-envs", "--iterations")]
+    assert sizes == ["4096", str(tracking_policy.ITERATIONS)]
     other = tracking_policy._run_of(config, project.root, project.root / "bundle", "other content")
     assert other.folder != run.folder, "other references begin another run"
     for device in ("auto", "cuda"):
@@ -123,9 +123,9 @@ def test_a_robot_without_a_tracker_has_none_and_the_page_says_so(project: Projec
 def test_before_a_policy_a_tracker_is_trained_once_on_other_clips(project: Project, monkeypatch):
     trained: list[Path] = []
 
-    def on_the_cpu(run: tracking_policy.TrackerRun, root: Path, lock: Path, log: logging.Logger) -> None:
+    def on_the_cpu(run: training_process.Run, root: Path, lock: Path, log: logging.Logger) -> None:
         trained.append(run.folder)
-        command = dataclasses.replace(run, device="cpu").command
+        command = ["cpu" if word == "cuda" else word for word in run.command]
         assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
 
     monkeypatch.setattr(training_process, "gpus_here", lambda: 1)
