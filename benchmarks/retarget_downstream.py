@@ -46,8 +46,12 @@ from pipeline.files import settings as settings_file  # noqa: E402
 from pipeline.retarget import RetargetSettings, process  # noqa: E402
 from pipeline.robot import Robot, load_robot  # noqa: E402
 from pipeline.tracking.bundle import read_tracking_bundle  # noqa: E402
-from pipeline.tracking.evaluate import NominalRollout, figures, nominal_rollouts  # noqa: E402
-from pipeline.tracking.export_tracker import clips_of  # noqa: E402
+from pipeline.tracking.export_tracker import (  # noqa: E402
+    NominalRollout,
+    clips_of,
+    figures,
+    nominal_rollouts,
+)
 from pipeline.tracking.settings import TrackingSettings  # noqa: E402
 from pipeline.tracking.task import CONTROL_HZ, ITERATIONS  # noqa: E402
 from pipeline.tracking.tracker_folder import NETWORK  # noqa: E402

@@ -6,9 +6,8 @@ from jaxtyping import Float
 from pipeline.robot.description import SIDES
 from pipeline.robot.tables import SiteRow
 from pipeline.robot_import.limbs import BEND, Body, Limb
-from pipeline.robot_import.maker_model import MakerModel, corner_points
+from pipeline.robot_import.maker_model import MakerModel, columns, corner_points, rounded
 from pipeline.robot_import.meshes import FLAT, MESH_DECIMALS
-from pipeline.robot_import.numbers import columns, rounded
 
 CORNERS = ("front_left", "front_right", "rear_right", "rear_left")
 WRIST = 0.86

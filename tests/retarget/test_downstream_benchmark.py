@@ -17,7 +17,7 @@ from pipeline.errors import ClipError
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main as tracking
 from pipeline.tracking.bundle import read_tracking_bundle
-from pipeline.tracking.evaluate import NominalRollout
+from pipeline.tracking.export_tracker import NominalRollout
 from tests.factories.human_clips import standing as person
 from tests.factories.robot_clips import standing
 from tests.factories.tracking_bundle import tracker_file
