@@ -36,30 +36,23 @@ SHOWN = (
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackPage:
-    """A proposal beside what is approved."""
+    """A proposal beside a person's answers."""
 
     proposal: Proposal
     approvals: Approvals
-    pending: tuple[Change, ...]
-    """What is proposed and not approved."""
-    lingering: tuple[Change, ...]
-    """What is approved and proposed no longer."""
-    declined: tuple[Change, ...] = ()
-    """What is proposed and a person declined."""
+    refused: Sequence[Change] = ()
+    """What a person declined, proposed now or not."""
 
-    @staticmethod
-    def of(proposal: Proposal, approvals: Approvals, declined: Sequence[Change] = ()) -> "FeedbackPage":
-        """Compare a proposal with the answers to it. An approval of a number that is proposed with another value is
-        pending, not lingering."""
-        approved = approvals.changes
-        places = {place_of(each) for each in proposal.changes}
-        return FeedbackPage(
-            proposal=proposal,
-            approvals=approvals,
-            pending=tuple(each for each in proposal.changes if each not in approved and each not in declined),
-            lingering=tuple(each for each in approved if place_of(each) not in places),
-            declined=tuple(each for each in proposal.changes if each in declined and each not in approved),
-        )
+    @property
+    def declined(self) -> list[Change]:
+        """What is proposed and a person declined."""
+        return [each for each in self.proposal.changes if each in self.refused and each not in self.approvals.changes]
+
+    @property
+    def pending(self) -> list[Change]:
+        """What is proposed and not answered; also a number that is approved with another value."""
+        answered = (*self.approvals.changes, *self.declined)
+        return [each for each in self.proposal.changes if each not in answered]
 
     @property
     def nothing_waits(self) -> bool:
@@ -85,7 +78,8 @@ class FeedbackPage:
         rows = [self._row(each) for each in self.proposal.changes]
         table = pd.DataFrame(rows, columns=None if rows else ["part"])
         silent = markdown_list(self.proposal.silent, "nothing")
-        lingering = markdown_list((each.text() for each in self.lingering), "nothing")
+        places = {place_of(each) for each in self.proposal.changes}
+        left = (each.text() for each in self.approvals.changes if place_of(each) not in places)
         faults = {"what is approved can't be used": self._faults()} if self.approvals.faults else {}
         shown = {"demonstration": f"What is proposed {SHOWN}"} if self._is_shown() else {}
         return {
@@ -98,7 +92,7 @@ class FeedbackPage:
             "changes approved": len(self.approvals.changes),
             "changes declined": len(self.declined),
             "how to approve": dg.MetadataValue.md(_how(digest) if self.pending else "nothing waits"),
-            "approved, proposed no longer": dg.MetadataValue.md(lingering),
+            "approved, proposed no longer": dg.MetadataValue.md(markdown_list(left, "nothing")),
             "proposes nothing": dg.MetadataValue.md(silent),
             "what is proposed": table_of(table, list(table)),
         }
@@ -169,7 +163,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     ensure_token(PROJECT)
     approvals = approvals_of(PROJECT)
     declined = PROJECT.feedback.declined_changes()
-    page = FeedbackPage.of(proposal, approvals, declined)
+    page = FeedbackPage(proposal=proposal, approvals=approvals, refused=declined)
     check = check_result(FEEDBACK, NOTHING_PENDING, page.nothing_waits, page.sentence())
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
     shown = {PAGE_TAG: shown_state(approvals, declined)}

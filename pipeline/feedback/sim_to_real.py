@@ -24,7 +24,7 @@ from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
 from pipeline.simulation.torque_envelope import PdControl
-from pipeline.validation.limit_cycles import PLANES, Comparison, JointSeries, NoCycleError, compare, limit_cycle
+from pipeline.validation.limit_cycles import PLANES, Comparison, NoCycleError, compare, leg_series, limit_cycle
 
 TIMESTEP_S = 0.002
 LONGEST_S = 14.0
@@ -129,27 +129,23 @@ def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float,
 
 def _cycles(trial: Trial, rollout: Rollout, start_s: float, stop_s: float, notes: list[str]) -> tuple[Comparison, ...]:
     found, legs = [], legs_of(rollout.robot)
-    rate_hz, times_s = 1.0 / rollout.timestep_s, slice(start_s, stop_s)
-    for side, joints in zip(SIDES, zip(legs.hip_pitch, legs.knee, strict=True), strict=True):
+    simulated = (1.0 / rollout.timestep_s, rollout.qpos[:, 7:], rollout.qvel[:, 6:])
+    logged = (trial.rate_hz, trial.joint_pos, trial.joint_vel)
+    for side, hip, knee in zip(SIDES, legs.hip_pitch, legs.knee, strict=True):
         try:
-            reference = _series(f"MuJoCo {side}", joints, rate_hz, rollout.qpos[:, 7:], rollout.qvel[:, 6:], times_s)
-            logged = _series(f"{trial.name} {side}", joints, trial.rate_hz, trial.joint_pos, trial.joint_vel, times_s)
-            found.append(compare(limit_cycle(reference), limit_cycle(logged)))
+            reference, own = (
+                limit_cycle(leg_series(f"{name} {side}", hip, knee, rate, *_between(rate, start_s, stop_s, *motion)))
+                for name, (rate, *motion) in (("MuJoCo", simulated), (trial.name, logged))
+            )
+            found.append(compare(reference, own))
         except NoCycleError as error:
             notes.append(str(error))
     return tuple(found)
 
 
-def _series(
-    name: str, joints: tuple[int, int], rate_hz: float, position: np.ndarray, velocity: np.ndarray, times_s: slice
-) -> JointSeries:
-    """Hip and knee between two times [s] of all joints' positions and velocities (t, j)."""
-    hip, knee = joints
-    kept = slice(round(times_s.start * rate_hz), round(times_s.stop * rate_hz))
-    q, dq = np.asarray(position[kept], dtype=float), np.asarray(velocity[kept], dtype=float)
-    return JointSeries(
-        name=name, rate_hz=float(rate_hz), hip=q[:, hip], knee=q[:, knee], hip_vel=dq[:, hip], knee_vel=dq[:, knee]
-    )
+def _between(rate_hz: float, start_s: float, stop_s: float, *arrays: np.ndarray) -> list[np.ndarray]:
+    """The samples of some arrays between two times [s]."""
+    return [array[round(start_s * rate_hz) : round(stop_s * rate_hz)] for array in arrays]
 
 
 def cycle_failures(twin: Twin, settings: FailureSettings) -> list[Failure]:

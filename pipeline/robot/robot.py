@@ -33,6 +33,14 @@ class Tree:
     site_pos: Float[np.ndarray, "s 3"]
     """Position of each site in its link's frame [m]."""
 
+    def chain(self, link: int) -> list[int]:
+        """A link and those above it, without the root link."""
+        found = []
+        while link > 0:
+            found.append(link)
+            link = int(self.parent[link])
+        return found
+
     def joint_axes_root(self) -> Float[np.ndarray, "j 3"]:
         """Axis of each joint in the root frame, all joints at zero, in the robot's joint order."""
         count = len(self.link_names) - 1

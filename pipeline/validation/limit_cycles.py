@@ -92,6 +92,15 @@ class JointSeries:
         return np.stack([self.hip, self.knee, self.hip_vel, self.knee_vel], axis=1)
 
 
+def leg_series(
+    name: str, hip: int, knee: int, rate_hz: float, joint_pos: np.ndarray, joint_vel: np.ndarray
+) -> JointSeries:
+    """One leg of all joints' positions and velocities (t, j), `hip` and `knee` being the indices of its joints."""
+    pos, vel = np.asarray(joint_pos, dtype=float), np.asarray(joint_vel, dtype=float)
+    turns = {"hip": pos[:, hip], "knee": pos[:, knee], "hip_vel": vel[:, hip], "knee_vel": vel[:, knee]}
+    return JointSeries(name=name, rate_hz=float(rate_hz), **turns)
+
+
 @dataclass(frozen=True, kw_only=True)
 class LimitCycle:
     """The mean stride of a record."""

@@ -159,18 +159,23 @@ def test_what_was_declined_is_not_asked_again_until_its_evidence_changes(project
     with pytest.raises(ApprovalError, match="needs a name"):
         decline_proposal(project.feedback, digest, " ")
     decline_proposal(project.feedback, digest, "a person", sections=("weights",))
-    page = FeedbackPage.of(proposal(report(1, failure())), approvals_of(project), project.feedback.declined_changes())
+    page = page_of(project, proposal(report(1, failure())))
     assert {change.section for change in page.declined} == {"weights"}
     assert "weights" not in {change.section for change in page.pending}
     assert approvals_of(project).changes == ()
     again = proposal(report(1, failure()), report(2, failure()))
-    page = FeedbackPage.of(again, approvals_of(project), project.feedback.declined_changes())
+    page = page_of(project, again)
     assert "weights" in {change.section for change in page.pending}, "another log is other evidence"
+
+
+def page_of(project, made) -> FeedbackPage:
+    declined = project.feedback.declined_changes()
+    return FeedbackPage(proposal=made, approvals=approvals_of(project), refused=declined)
 
 
 def test_approving_what_was_declined_lets_it_take_effect(project):
     digest = propose_into(project, report(1, failure()))
     decline_proposal(project.feedback, digest, "a person")
     approve_proposal(project.feedback, digest, "another", sections=("weights",))
-    page = FeedbackPage.of(proposal(report(1, failure())), approvals_of(project), project.feedback.declined_changes())
+    page = page_of(project, proposal(report(1, failure())))
     assert "weights" not in {change.section for change in page.declined}
