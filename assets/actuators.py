@@ -78,7 +78,6 @@ def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
     curves = read_published(folder)
     models = {motor.name: motor.model for motor in found.motors}
     published = {name: curves[model] for name, model in models.items() if model in curves}
-    table = pd.DataFrame([_row(each, published.get(each.motor)) for each in found.calibrations])
     metadata: dict[str, Any] = {
         "motors": len(found.motors),
         "motors refused": sum(not each.accepted for each in found.calibrations),
@@ -86,7 +85,7 @@ def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
         "files of no motor": ", ".join(found.unused) or "none",
     }
     if found.calibrations:
-        metadata["calibration"] = table_of(table, list(table))
+        metadata["calibration"] = table_of([_row(each, published.get(each.motor)) for each in found.calibrations])
         metadata["curves"] = picture(calibration_curves(found.calibrations, published))
     return metadata
 
@@ -140,7 +139,6 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
         facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
         facts |= {"feedback": settings.plain(feedback)} if feedback else {}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
         check = check_result(plan, AGREE, *models_agree(robot), warn=False)
         metadata, standing = _standing(plan, robot, actuators)
         metadata |= {
@@ -148,7 +146,7 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
             **approval_metadata(feedback),
             "dagster/uri": dg.MetadataValue.path(str(folder)),
         }
-        return result_of(plan, manifest, metadata, [check, standing])
+        return result_of(plan, {robot.digest: facts}, metadata, [check, standing])
 
     return adapted_robot
 
@@ -165,11 +163,11 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
         "armature of the manufacturer's MJCF": pose.vendor_armature,
     }
     stood = {name: stand(robot, pose, torque_envelope(actuators), each) for name, each in armatures.items()}
-    rows = pd.DataFrame([{"model": name, **dataclasses.asdict(each)} for name, each in stood.items()])
+    rows = [{"model": name, **dataclasses.asdict(each)} for name, each in stood.items()]
     ours = stood["adapted"]
     found = f"{'fell after' if ours.fell else 'stood'} {ours.seconds:.1f} s, tilt {ours.tilt_deg:.2f}"
     check = check_result(plan, STANDS, not ours.fell and ours.tilt_deg < MAX_TILT_DEG, found)
-    return {"standing": table_of(rows, list(rows))}, check
+    return {"standing": table_of(rows)}, check
 
 
 def _difference(actuators: Any) -> dict[str, Any]:
@@ -192,8 +190,8 @@ def _difference(actuators: Any) -> dict[str, Any]:
     changed = [each.joint for each in actuators if each.changed]
     return {
         "motor limits": motors_source(actuators),
-        "nominal against adapted": table_of(shown, list(shown)),
-        "actuators": table_of(table, list(table)),
+        "nominal against adapted": table_of(shown),
+        "actuators": table_of(table),
         "joints changed": ", ".join(changed) or "none",
         "verdict": "; ".join(sorted({each.verdict for each in actuators})),
     }

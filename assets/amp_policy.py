@@ -23,7 +23,6 @@ from assets.training_process import (
     train,
     validation_of,
 )
-from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
@@ -53,9 +52,8 @@ def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResu
     run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
     train_beside_others(run, PROJECT, robot, log)
     facts = run_facts(run, robot) | {"stage": plan.name, "policy": "policy.npz"}
-    manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
     metadata = {**curves_of(run.folder), **validation_of(run.folder), **_metadata(run, facts, about)}
-    return result_of(plan, manifest, metadata)
+    return result_of(plan, {run.folder.name: facts}, metadata)
 
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}

@@ -102,7 +102,7 @@ def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]
         "mean joint error [deg]": math.degrees(fmean(row["joint_error_rad"] for row in rows)),
         "disturbed rollouts": f"{complete} of {asked} to the last frame",
         "references, the worst first": table_of(worst, columns),
-        "speed of references and rollouts": table_of(speeds, list(speeds.columns)),
+        "speed of references and rollouts": table_of(speeds),
         "before and after, each reference": table_of(worst, ["clip", *BEFORE_AND_AFTER]),
     }
 

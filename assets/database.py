@@ -129,13 +129,12 @@ def _export(plan: Plan, kind: str, database: Plan) -> Any:
             "files": files,
         }
         context.log.info(f"{written[0]} clips in {folder}")
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={EXPORT: facts})
         metadata = {
             "clips": written[0],
             "files": len(files),
             "size [MB]": sum((folder / name).stat().st_size for name in files) / 1e6,
             "dagster/uri": dg.MetadataValue.path(str(folder)),
         }
-        return result_of(plan, manifest, metadata, [])
+        return result_of(plan, {EXPORT: facts}, metadata)
 
     return dataset_export

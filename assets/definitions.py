@@ -8,7 +8,6 @@ from assets.amp_policy import amp_policy
 from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
 from assets.bootstrap import serve
-from assets.cross_engine import cross_engine_validation
 from assets.database import dataset_exports
 from assets.failure_modes import failure_modes
 from assets.feedback import curation_feedback, sim_to_real_report
@@ -33,7 +32,7 @@ from assets.source_jobs import rerun_source
 from assets.sources import raw_motions
 from assets.tracker_choice import job_of
 from assets.tracking_policy import tracker_jobs
-from assets.validation import mujoco_validation
+from assets.validation import cross_engine_validation, mujoco_validation
 from assets.webots import webots_validation
 
 

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.hardware import trials_of
 from assets.plan import FIELD, TRIALS, Plan, robot_plans
@@ -134,7 +133,6 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
                 }
             )
     noted = [(report, each.removeprefix(f"{NOTED}: ")) for report in reports for each in report.notes if NOTED in each]
-    table = pd.DataFrame(rows, columns=None if rows else ["trial"])
     return {
         "trials": len(reports),
         "trials evaluated again": manifest.recomputed,
@@ -142,7 +140,7 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
         "failures of the policy": sum(each.of_policy for report in reports for each in report.failures),
         **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},
         "dagster/row_count": len(rows),
-        "what went wrong": table_of(table, list(table)),
+        "what went wrong": table_of(rows),
         NOTED: dg.MetadataValue.md(markdown_list(f"{report.trial}: {note}" for report, note in noted)),
     }
 

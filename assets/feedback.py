@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.approval import ensure_token
 from assets.approved import PAGE_TAG, approvals_of, shown_state
@@ -75,8 +74,6 @@ class FeedbackPage:
 
     def metadata(self, digest: str) -> dict[str, Any]:
         """The rows of the page; tables come last."""
-        rows = [self._row(each) for each in self.proposal.changes]
-        table = pd.DataFrame(rows, columns=None if rows else ["part"])
         silent = markdown_list(self.proposal.silent, "nothing")
         places = {place_of(each) for each in self.proposal.changes}
         left = (each.text() for each in self.approvals.changes if place_of(each) not in places)
@@ -94,7 +91,7 @@ class FeedbackPage:
             "how to approve": dg.MetadataValue.md(_how(digest) if self.pending else "nothing waits"),
             "approved, proposed no longer": dg.MetadataValue.md(markdown_list(left, "nothing")),
             "proposes nothing": dg.MetadataValue.md(silent),
-            "what is proposed": table_of(table, list(table)),
+            "what is proposed": table_of([self._row(each) for each in self.proposal.changes]),
         }
 
     def _is_shown(self) -> bool:
@@ -154,12 +151,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     write_entries(PROJECT.proposed_feedback, entries_of(proposal.changes, found), head="proposed")
     if not rules.approval.required:
         _let_take_effect(proposal.changes, found)
-    manifest = Manifest(
-        stage=FEEDBACK.name,
-        entries=(),
-        judged=(),
-        settings={f"{place:04d}": settings.plain(each) for place, each in enumerate(proposal.changes)},
-    )
+    made = {f"{place:04d}": settings.plain(each) for place, each in enumerate(proposal.changes)}
     ensure_token(PROJECT)
     approvals = approvals_of(PROJECT)
     declined = PROJECT.feedback.declined_changes()
@@ -167,7 +159,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     check = check_result(FEEDBACK, NOTHING_PENDING, page.nothing_waits, page.sentence())
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
     shown = {PAGE_TAG: shown_state(approvals, declined)}
-    return result_of(FEEDBACK, manifest, page.metadata(found), [check], tags=shown)
+    return result_of(FEEDBACK, made, page.metadata(found), [check], tags=shown)
 
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
@@ -188,20 +180,13 @@ def sim_to_real_report(failure_modes: Manifest):
             continue
         rows.append(_twin_row(name, twin))
         notes += [f"{name}: {note}" for note in twin["notes"]]
-    table = pd.DataFrame(rows, columns=None if rows else ["trial"])
-    manifest = Manifest(
-        stage=REPORT.name,
-        entries=(),
-        judged=(),
-        settings={row["trial"]: {**row, "trial": row["trial"]} for row in rows},
-    )
     metadata = {
         "trials compared": len(rows),
         "not compared": dg.MetadataValue.md(markdown_list(notes, "nothing")),
         "dagster/row_count": len(rows),
-        "trials against their simulation": table_of(table, list(table)),
+        "trials against their simulation": table_of(rows),
     }
-    return result_of(REPORT, manifest, metadata)
+    return result_of(REPORT, {row["trial"]: row for row in rows}, metadata)
 
 
 def _twin_row(name: str, twin: dict[str, Any]) -> dict[str, Any]:

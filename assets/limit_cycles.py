@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.hardware import trials_of as files_of
 from assets.plan import Plan
@@ -55,22 +54,21 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
             "not run": [text for each in found for text in each.missing],
             "speeds": [each.to_dict() for each in found],
         }
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
         shown_note = {"note": note} if note else {}
         what = "; ".join(reasons) or ("within the bars" if passed else NONE_REQUIRED)
         check = check_result(plan, AGREE, passed, what, shown_note)
-        rows = pd.DataFrame([row for each in found for row in each.rows()])
-        compared = pd.DataFrame([_row(each.speed_m_s, one) for each in found for one in each.comparisons])
+        rows = [row for each in found for row in each.rows()]
+        compared = [_row(each.speed_m_s, one) for each in found for one in each.comparisons]
         metadata = {
             "passed": passed,
             **shown_note,
             "not required": "; ".join(shown) or "none",
             "not compared": "; ".join(verdict["not run"]) or "none",
             "pictures": picture(limit_cycle_plots(found)),
-            **({"cycles": table_of(rows, list(rows))} if len(rows) else {}),
-            **({"comparisons": table_of(compared, list(compared))} if len(compared) else {}),
+            **({"cycles": table_of(rows)} if rows else {}),
+            **({"comparisons": table_of(compared)} if compared else {}),
         }
-        return result_of(plan, manifest, metadata, [check])
+        return result_of(plan, {VERDICT: verdict}, metadata, [check])
 
     return limit_cycles
 

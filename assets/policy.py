@@ -73,8 +73,7 @@ def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
             "folder": folder.relative_to(PROJECT.root).as_posix(),
             "files": card.files,
         }
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={card.digest: facts})
-        return result_of(plan, manifest, _export_metadata(export, origin), _export_checks(plan, card))
+        return result_of(plan, {card.digest: facts}, _export_metadata(export, origin), _export_checks(plan, card))
 
     return exported_policy
 

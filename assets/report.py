@@ -65,14 +65,18 @@ def asset_of(
 
 def result_of(
     plan: Plan,
-    manifest: Manifest,
+    made: Manifest | dict[str, Any],
     metadata: Mapping[str, Any],
     checks: Sequence[dg.AssetCheckResult] = (),
     *,
     faults: int = 0,
     tags: Mapping[str, str] | None = None,
 ) -> dg.MaterializeResult:
-    """The result that Dagster records: content as data version, fingerprint and faults as tags; tables come last."""
+    """The result that Dagster records: content as data version, fingerprint and faults as tags; tables come last.
+
+    What is made is a manifest, or the settings of one without clips.
+    """
+    manifest = made if isinstance(made, Manifest) else Manifest(stage=plan.name, entries=(), judged=(), settings=made)
     return dg.MaterializeResult(
         asset_key=plan.key,
         value=manifest,
@@ -138,9 +142,13 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
     return metadata
 
 
-def table_of(frame: pd.DataFrame, columns: Sequence[str]) -> dg.TableMetadataValue:
-    """A table of the named columns (those that are there), at most `MAX_ROWS` rows."""
-    shown = frame[[name for name in dict.fromkeys(columns) if name in frame.columns]].head(MAX_ROWS)
+def table_of(
+    rows: pd.DataFrame | Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
+) -> dg.TableMetadataValue:
+    """A table of the named columns (those that are there) or of all, at most `MAX_ROWS` rows."""
+    frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(rows)
+    wanted = dict.fromkeys(frame.columns if columns is None else columns)
+    shown = frame[[name for name in wanted if name in frame.columns]].head(MAX_ROWS)
     names = [str(name) for name in shown.columns]
     records = [
         dg.TableRecord({name: _cell(value) for name, value in zip(names, row, strict=True)})

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.actuators import MODELS_AGREE, actuator_calibration, actuator_measurements, adapted_robot
 from assets.approved import approval_metadata, approved_key, approved_part, approved_specs
@@ -87,10 +86,8 @@ def _robot_model(plan: Plan) -> Any:
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
         check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
-        joints = joint_table(robot)
-        return result_of(plan, manifest, {"joints": table_of(joints, list(joints))}, [check])
+        return result_of(plan, {robot.digest: facts}, {"joints": table_of(joint_table(robot))}, [check])
 
     return robot_model
 
@@ -232,11 +229,10 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     if found.empty:
         return {}
     accepted, tried = found["accepted"].tolist(), found["tried"].tolist()
-    away = distances(feasible)
     return {
         "disturbed rollouts accepted": f"{sum(accepted)} of {sum(tried)}, at least {min(accepted)} a source clip",
-        "disturbed rollouts accepted, each source clip": table_of(found, list(found)),
-        "distance of disturbed rollouts from their references": table_of(away, list(away)),
+        "disturbed rollouts accepted, each source clip": table_of(found),
+        "distance of disturbed rollouts from their references": table_of(distances(feasible)),
     }
 
 
@@ -263,8 +259,8 @@ def _reweighed(
     numbers = {
         clip: {"weight": weight, "weight_before_feedback": before[clip]} for clip, weight in found.weight.items()
     }
-    cells = pd.DataFrame([vars(cell) for cell in found.cells])
-    return manifest.with_numbers(numbers), {"command cells by feedback": table_of(cells, list(cells))}
+    cells = [vars(cell) for cell in found.cells]
+    return manifest.with_numbers(numbers), {"command cells by feedback": table_of(cells)}
 
 
 def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:

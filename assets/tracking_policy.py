@@ -64,7 +64,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
         if served is None:
             why = no_tracker(robot)
             context.log.warning(why)
-            return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why})
+            return result_of(plan, {}, {"origin": why})
         folder, origin = served
         card = read_card(folder)
         unknown = unknown_references(PROJECT, robot, reference_motions)
@@ -76,7 +76,6 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
             "files": card.files,
             "licences": list(card.licences),
         }
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={digest.of_json(card.files): facts})
         metadata = {
             "origin": origin,
             "folder": facts["folder"],
@@ -92,7 +91,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
                 f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job "
                 f"{job_of('train_tracker', robot)}. Before a policy is trained on a GPU, that happens by itself."
             )
-        return result_of(plan, manifest, metadata)
+        return result_of(plan, {digest.of_json(card.files): facts}, metadata)
 
     return tracking_policy
 

@@ -235,10 +235,9 @@ def curves_of(folder: Path) -> dict[str, Any]:
     shown = ("task_reward", "style_reward", "d_expert", "d_policy", "episode_s", "steps_per_s")
     numbers = {name: float(last[name]) for name in shown if name in table and last[name] == last[name]}
     bins = [name.removesuffix("_commanded") for name in table if name.endswith("_commanded")]
-    speeds = pd.DataFrame(
-        [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in ("commanded", "achieved")}} for name in bins]
-    )
-    achieved = {"achieved against commanded velocity": table_of(speeds, list(speeds))} if bins else {}
+    kinds = ("commanded", "achieved")
+    speeds = [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in kinds}} for name in bins]
+    achieved = {"achieved against commanded velocity": table_of(speeds)} if bins else {}
     return {**numbers, "curves": picture(training_curves({"": table})), **achieved}
 
 
@@ -248,11 +247,11 @@ def validation_of(folder: Path) -> dict[str, Any]:
     if not (found / "figures.json").is_file():
         return {}
     sweep, figures = (json.loads((found / name).read_text()) for name in ("sweep.json", "figures.json"))
-    swept = pd.DataFrame(sweep["checkpoints"])
-    measured = pd.DataFrame([{"figure": name, "value": value} for name, value in figures["figures"].items()])
+    swept = sweep["checkpoints"]
+    measured = [{"figure": name, "value": value} for name, value in figures["figures"].items()]
     return {
         "verdict": figures["summary"],
         "checkpoint": f"iteration {sweep['iteration']}, the best of {len(swept)} in the sweep without noise",
-        "sweep of checkpoints": table_of(swept, list(swept)),
-        "figures": table_of(measured, list(measured)),
+        "sweep of checkpoints": table_of(swept),
+        "figures": table_of(measured),
     }

@@ -1,10 +1,12 @@
-"""`mujoco_validation`: does the exported policy follow its commands in MuJoCo, on the adapted robot?"""
+"""`mujoco_validation`: does the exported policy follow its commands in MuJoCo, on the adapted robot?
+
+`cross_engine_validation`: the policy in MuJoCo, in MuJoCo with the armature on the links, and in DART.
+"""
 
 from pathlib import Path
 from typing import Any, Literal
 
 import dagster as dg
-import pandas as pd
 
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
@@ -13,6 +15,7 @@ from assets.report import asset_of, check_result, picture, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
+from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
 from pipeline.validation.bars import read_validation
 from pipeline.validation.failed_trials import write_failed_trials
@@ -22,6 +25,7 @@ from pipeline.validation.verdict import judge, table
 from pipeline.validation.walk import Worlds, walk
 
 PASSED = "required_cells_passed"
+HOLDS = "holds_in_both_engines"
 SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
 """Walks that pictures show, by cell."""
 
@@ -55,10 +59,9 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
         not_run = [] if config.suite == "full" else ["the full suite: only the quick one was run"]
         record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": not_run}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: record})
         reasons = "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"
         check = check_result(plan, PASSED, verdict.passed, reasons, _note(verdict))
-        return result_of(plan, manifest, _metadata(one, verdict, logs), [check])
+        return result_of(plan, {VERDICT: record}, _metadata(one, verdict, logs), [check])
 
     return mujoco_validation
 
@@ -72,7 +75,6 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
 
     worlds = Worlds(one)
     walks = {cell.name: walk(worlds, cell.trials[0]) for cell in named(one.robot, SHOWN)}
-    rows = pd.DataFrame(table(verdict))
     spared = {cell.measured.cell.name: cell.bars.why for cell in verdict.cells if not cell.bars.required}
     return {
         "passed": verdict.passed,
@@ -88,5 +90,54 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
         "survival of pushes": picture(survival_heatmap(verdict)),
         "torque against speed": picture(torque_speed(walks, one.envelope)),
         "foot contacts": picture(foot_contacts(walks)),
-        "every cell": table_of(rows, list(rows)),
+        "every cell": table_of(table(verdict)),
     }
+
+
+def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
+    """The asset `cross_engine_validation` of a robot."""
+    checks = {HOLDS: "No fall, commands kept, engines agree where required."}
+
+    @asset_of(plan, "dart", inputs={"exported_policy": exported}, deps=[adapted.key], checks=checks)
+    def cross_engine_validation(
+        context: dg.AssetExecutionContext,
+        config: EvaluatedPolicyConfig,
+        clip_pool: ClipPoolResource,
+        exported_policy: Manifest,
+    ):
+        """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
+        from pipeline.validation.cross_engine import cross_engine
+        from pipeline.validation.cross_engine_trials import write_failures
+        from pipeline.validation.cross_engine_walk import CrossEngineSettings
+        from pipeline.viewing.validation_plots import cross_engine_plots
+
+        grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
+        robot = plan.robot or DEFAULT_ROBOT
+        bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
+        judged = evaluated_policy(config, exported_policy, robot)
+        found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
+        folder = PROJECT.simulated_failures(robot, "cross_engine")
+        logs = write_failures(judged, found, grid, folder)
+        remove_earlier_logs(folder, logs)
+        facts = {"stage": plan.name, "policy": digest(judged.policy), "gains": judged.gains()}
+        verdict = {**facts, **found.to_dict()}
+        check = check_result(
+            plan, HOLDS, found.passed, "; ".join(found.reasons) or "every required cell holds", _note(found)
+        )
+        metadata = {
+            "passed": found.passed,
+            **_note(found),
+            "required cells": len(found.cells) - len(found.not_required),
+            "cells failed": len(found.failed_cells),
+            "reasons": dg.MetadataValue.md(markdown_list(found.reasons)),
+            "explained by the armature": "; ".join(verdict["explained"]) or "none",
+            "not required": dg.MetadataValue.md(
+                markdown_list(f"{name}: {why}" for name, why in found.not_required.items())
+            ),
+            "failures written": ", ".join(path.name for path in logs) or "none",
+            "pictures": picture(cross_engine_plots(found)),
+            "cells": table_of(found.rows()),
+        }
+        return result_of(plan, {VERDICT: verdict}, metadata, [check])
+
+    return cross_engine_validation

@@ -3,7 +3,6 @@
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy
@@ -47,7 +46,6 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         verdicts = validate(project, values, allowed_of(rules.webots))
         note = rules.reference.note_on(judged.robot.digest)
         stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts, WEBOTS), "note": note or None}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: stored})
         statuses = {each.engine: each.status for each in verdicts.values()}
         for engine, status in statuses.items():
             context.log.info(f"{engine}: {status}")
@@ -55,9 +53,9 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
             **statuses,
             **({"note": note} if note else {}),
             "dagster/uri": dg.MetadataValue.path(str(project.folder)),
-            "segments": table_of(_rows(verdicts), list(_rows(verdicts))),
+            "segments": table_of(_rows(verdicts)),
         }
-        return result_of(plan, manifest, metadata, _checks(plan, faults, verdicts[WEBOTS]))
+        return result_of(plan, {VERDICT: stored}, metadata, _checks(plan, faults, verdicts[WEBOTS]))
 
     return webots_validation
 
@@ -93,10 +91,9 @@ def _checks(plan: Plan, faults: tuple[str, ...], webots: Any) -> list[dg.AssetCh
     ]
 
 
-def _rows(verdicts: dict[str, Any]) -> pd.DataFrame:
-    rows = [
+def _rows(verdicts: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
         {"engine": each["engine"], "status": each["status"], **segment}
         for each in (verdict.to_dict() for verdict in verdicts.values())
         for segment in ((each["result"] or {}).get("segments") or [{}])
     ]
-    return pd.DataFrame(rows)
