@@ -24,7 +24,7 @@ from pipeline.files import settings
 from pipeline.robot import load_robot
 from pipeline.tracking.before_after import by_skill
 from pipeline.tracking.neighbours import compared_with_neighbours
-from pipeline.tracking.process import motion_to_failure, process
+from pipeline.tracking.process import Setup, motion_to_failure, process
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker import load_tracker
 
@@ -61,12 +61,12 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
             empty = Manifest(stage=plan.name, entries=(), judged=(), settings=reference_motions.settings)
             return materialized(plan, empty, {"references tracked": f"0: {why}"})
         tracker, content = found
+        setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=tracker)
         load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
 
         def run(function: Callable[..., Outcome], name: str = "", entries: Sequence[Entry] = ()) -> Manifest:
             """The stage `function` on references; what it was asked before is in the store."""
-            work = partial(function, settings=values, robot=robot, envelope=envelope, tracker=tracker)
-            stage = stage_of(plan, work, values, name=name, robot_files=robot.digest)
+            stage = stage_of(plan, partial(function, setup=setup), values, name=name, robot_files=robot.digest)
             stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
             return run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
 

@@ -26,7 +26,7 @@ from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
 from pipeline.feedback.windows import short_of_wanted
 from pipeline.files import settings
 from pipeline.robot import load_robot
-from pipeline.tracking.process import disturbed_motion
+from pipeline.tracking.process import Setup, disturbed_motion
 from pipeline.tracking.settings import TrackingSettings
 
 REALIZABLE = "realizability"
@@ -59,18 +59,12 @@ def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, s
     tracker, content = found
     values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
     other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed)
-    function = partial(
-        disturbed_motion,
-        settings=other,
-        robot=robot,
-        envelope=torque_envelope(read_actuators(folder)),
-        tracker=tracker,
-        longest_s=SECONDS,
-    )
+    envelope = torque_envelope(read_actuators(folder))
+    setup = Setup(settings=other, robot=robot, envelope=envelope, tracker=tracker)
     stage = Stage(
         name=REALIZABLE,
         version=plans["augmented_motions"].code_version(),
-        function=function,
+        function=partial(disturbed_motion, setup=setup, longest_s=SECONDS),
         settings={**settings.plain(other), "longest_s": SECONDS},
         depends={"robot_files": robot.digest, "tracker": content},
     )

@@ -78,7 +78,10 @@ class FeedbackPage:
         places = {place_of(each) for each in self.proposal.changes}
         left = (each.text() for each in self.approvals.changes if place_of(each) not in places)
         faults = {"what is approved can't be used": self._faults()} if self.approvals.faults else {}
-        shown = {"demonstration": f"What is proposed {SHOWN}"} if self._is_shown() else {}
+        changes = self.proposal.changes
+        shown = (
+            {"demonstration": f"What is proposed {SHOWN}"} if changes and all(map(is_demonstration, changes)) else {}
+        )
         return {
             "proposal": digest or "none",
             **curator_link("proposals"),
@@ -93,9 +96,6 @@ class FeedbackPage:
             "proposes nothing": dg.MetadataValue.md(silent),
             "what is proposed": table_of([self._row(each) for each in self.proposal.changes]),
         }
-
-    def _is_shown(self) -> bool:
-        return bool(self.proposal.changes) and all(is_demonstration(each) for each in self.proposal.changes)
 
     def _row(self, change: Change) -> dict[str, Any]:
         return {

@@ -52,6 +52,7 @@ from pipeline.tracking.export_tracker import (  # noqa: E402
     figures,
     nominal_rollouts,
 )
+from pipeline.tracking.process import Setup  # noqa: E402
 from pipeline.tracking.settings import TrackingSettings  # noqa: E402
 from pipeline.tracking.task import CONTROL_HZ, ITERATIONS  # noqa: E402
 from pipeline.tracking.tracker_folder import NETWORK  # noqa: E402
@@ -209,7 +210,8 @@ def rollouts(bundle: Path, robot_folder: Path, tracker: Path, pool: ClipPool) ->
     robot = load_robot(robot_folder)
     values = settings_file.read(ROOT / "data/tracking.yaml", TrackingSettings)
     clips = clips_of(read_tracking_bundle(bundle).motions, robot)
-    return nominal_rollouts(clips, robot, torque_envelope(read_actuators(robot_folder)), tracker, values, pool)
+    envelope = torque_envelope(read_actuators(robot_folder))
+    return nominal_rollouts(clips, Setup(settings=values, robot=robot, envelope=envelope, tracker=tracker), pool)
 
 
 def bars_of(found: Mapping[int, Mapping[str, Sequence[NominalRollout]]]) -> list[Bar]:

@@ -22,6 +22,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings
 from pipeline.robot import load_robot
 from pipeline.tracking.export_tracker import figures, nominal_rollouts
+from pipeline.tracking.process import Setup
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker_folder import NETWORK, read_card
 
@@ -41,14 +42,13 @@ def main() -> None:
     (facts,) = PROJECT.store.load(plans["tracking_policy"].key.to_user_string()).settings.values()
     tracker = PROJECT.root / facts["folder"]
     trained_on = set(read_card(tracker).clips)
-    asked = (
-        motions,
-        load_robot(folder),
-        torque_envelope(read_actuators(folder)),
-        tracker / NETWORK,
-        settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings),
-        ClipPool(workers=given.workers),
+    setup = Setup(
+        settings=settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings),
+        robot=load_robot(folder),
+        envelope=torque_envelope(read_actuators(folder)),
+        tracker=tracker / NETWORK,
     )
+    asked = motions, setup, ClipPool(workers=given.workers)
     found = nominal_rollouts(*asked)  # workers start and import
     seconds = sum(clip.duration_s for clip in motions)
     speeds = []

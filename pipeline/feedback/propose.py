@@ -41,7 +41,7 @@ def propose(
 
     `commands` names the cells of the command space as KP5 does, `skills` labels a command as KP1 labels a motion.
     """
-    trustworthy, silent = trusted(sorted(reports, key=_by_name), rules)
+    trustworthy, silent = trusted(sorted(reports, key=lambda report: (report.trial, report.file)), rules)
     heard, copies = recorded(trustworthy)
     silent += copies
     pairs = [(trial, failure) for trial in heard for failure in trial.report.failures if failure.of_policy]
@@ -64,10 +64,6 @@ def propose(
         changes += _ranges(own, rules)
     check_bounds(changes, rules)
     return Proposal(changes=tuple(changes), silent=tuple(silent))
-
-
-def _by_name(report: TrialReport) -> tuple[str, str]:
-    return report.trial, report.file
 
 
 def _cell_namer(commands: CommandSettings) -> NamedBy:

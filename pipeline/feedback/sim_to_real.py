@@ -13,7 +13,7 @@ from pipeline.actuators.adapted_robot import JointActuator, torque_envelope
 from pipeline.deployment import Policy, PolicyController, policy_task
 from pipeline.failures.failure import Failure
 from pipeline.failures.settings import FailureSettings
-from pipeline.failures.signals import Signals, signals_of
+from pipeline.failures.signals import signals_of
 from pipeline.failures.tracking import steady_stretches
 from pipeline.failures.trial_report import TrialReport
 from pipeline.hardware_logs.trial import Trial
@@ -68,6 +68,7 @@ def twin_of(
     rollout = simulated(trial, robot, actuators, policy, float(signals.time_s[stop - 1]))
     forward, lateral, yaw = signals.command[start].tolist()
     start_s, stop_s = float(signals.time_s[start]), float(signals.time_s[stop - 1])
+    achieved = signals.velocity[start:stop].mean(axis=0).tolist()
     notes: list[str] = []
     cycles: tuple[Comparison, ...] = ()
     if not rollout.fell and float(np.hypot(forward, lateral)) >= WALKS_M_S:
@@ -76,7 +77,7 @@ def twin_of(
         command=(forward, lateral, yaw),
         start_s=start_s,
         stop_s=stop_s,
-        achieved=_achieved(signals, start, stop),
+        achieved=(*achieved, float(signals.yaw_rate[start:stop].mean())),
         simulated=velocity_of(rollout, start_s, stop_s),
         simulation_fell=rollout.fell,
         cycles=cycles,
@@ -112,11 +113,6 @@ def _sent(gains: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     gains = np.asarray(gains, dtype=float)
     known = gains[np.isfinite(gains).all(axis=1)]
     return np.median(known, axis=0) if len(known) else np.array(otherwise)
-
-
-def _achieved(signals: Signals, start: int, stop: int) -> tuple[float, float, float]:
-    forward, lateral = signals.velocity[start:stop].mean(axis=0).tolist()
-    return forward, lateral, float(signals.yaw_rate[start:stop].mean())
 
 
 def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float, float, float]:

@@ -10,6 +10,7 @@ Every clip of the bundle is rolled out once without disturbance; the figures go 
 """
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,9 +28,8 @@ from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.learning.policy_file import write_policy
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot, load_robot
-from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.bundle import Motions, check_trained_on, read_tracking_bundle
-from pipeline.tracking.process import process
+from pipeline.tracking.process import Setup, process
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.task import CONTROL_HZ
 from pipeline.tracking.tracker_file import tracker_arrays
@@ -54,7 +54,8 @@ def export_tracker(
     check_trained_on(bundle, run)
     state = load_checkpoint(newest, "cpu")
     write_policy(run / NETWORK, tracker_arrays(state, bundle.robot))
-    found = nominal_rollouts(clips_of(bundle.motions, robot), robot, envelope, run / NETWORK, values, pool)
+    setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=run / NETWORK)
+    found = nominal_rollouts(clips_of(bundle.motions, robot), setup, pool)
     trained = Trained(run=run, iterations=state["iteration"], bundle=bundle.about, clips=bundle.motions.names)
     return write_tracker_folder(out, trained, figures(found), made)
 
@@ -88,16 +89,9 @@ class NominalRollout:
     seconds: float
 
 
-def nominal_rollouts(
-    clips: Sequence[RobotClip],
-    robot: Robot,
-    envelope: TorqueEnvelope,
-    tracker: Path,
-    settings: TrackingSettings,
-    pool: ClipPool,
-) -> list[NominalRollout]:
+def nominal_rollouts(clips: Sequence[RobotClip], setup: Setup, pool: ClipPool) -> list[NominalRollout]:
     """The nominal rollout of each clip, in the clips' order."""
-    work = partial(_nominal, settings=settings, robot=robot, envelope=envelope, tracker=tracker)
+    work = partial(_nominal, setup=dataclasses.replace(setup, settings=setup.settings.nominal()))
     return list(pool.map(work, [(clip,) for clip in clips]))
 
 
@@ -121,11 +115,8 @@ def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
     return {name: round(float(value), 3) for name, value in values.items()}
 
 
-def _nominal(
-    clip: RobotClip, *, settings: TrackingSettings, robot: Robot, envelope: TorqueEnvelope, tracker: Path
-) -> NominalRollout:
-    needed = {"settings": settings.nominal(), "robot": robot, "envelope": envelope, "tracker": tracker}
-    numbers = process(clip, {"variant": ""}, **needed).numbers
+def _nominal(clip: RobotClip, *, setup: Setup) -> NominalRollout:
+    numbers = process(clip, {"variant": ""}, setup=setup).numbers
     errors = {name: float(numbers[name] or 0.0) for name in ("body_error_m", "joint_error_rad", "path_error_m")}
     return NominalRollout(clip=clip.name, survived=bool(numbers["survived"]), seconds=clip.duration_s, **errors)
 
