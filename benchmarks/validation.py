@@ -27,7 +27,7 @@ from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.deployment import load_policy  # noqa: E402
 from pipeline.validation.bars import read_validation  # noqa: E402
 from pipeline.validation.cells import Cell, command_cells  # noqa: E402
-from pipeline.validation.deployed import ANKLE_KD, Deployed, anchor, deployed, with_ankle_kd  # noqa: E402
+from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd  # noqa: E402
 from pipeline.validation.figures import Measured, measure  # noqa: E402
 from pipeline.validation.suites import (  # noqa: E402
     FULL,
@@ -40,6 +40,7 @@ from pipeline.validation.suites import (  # noqa: E402
 from pipeline.validation.verdict import judge  # noqa: E402
 from pipeline.validation.walk import Worlds, walk  # noqa: E402
 from tests.factories.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
+from tests.factories.policy_walks import ANKLE_KD, anchor  # noqa: E402
 
 PUBLISHED = ROOT.parent / "shared" / "policies" / "t1_walk.npz"
 PARTS = ("anchor", "faults", "repeats", "quick", "full")

@@ -13,12 +13,13 @@ from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.terrain import FlatGround, Slope
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cells import TERRAINS, Cell, condition_cells, terrain_cells
-from pipeline.validation.deployed import Deployed, anchor, deployed
+from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.figures import measure, numbers_of
 from pipeline.validation.suites import named, push_cells
 from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, Start, Trial, VelocityCommand
 from pipeline.validation.walk import Branches, Worlds, drawn_start, ground_of, walk
 from tests.factories.policies import random_policy, still_policy
+from tests.factories.policy_walks import anchor
 
 STAND = CommandProfile(commands=(VelocityCommand(),))
 
