@@ -14,7 +14,6 @@ from pipeline.batch import Manifest
 from pipeline.deployment import digest
 from pipeline.files import settings
 from pipeline.hardware_logs.trial import read_trial
-from pipeline.validation.bars import read_validation
 from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
@@ -32,8 +31,7 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         robot = plan.robot or DEFAULT_ROBOT
-        rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = evaluated_policy(config, exported_policy, robot)
+        judged, rules = evaluated_policy(config, exported_policy, robot)
         policy, facts = digest(judged.policy), served(exported_policy)
         names = {policy} | ({facts["files"]["policy.npz"]} if facts["digest"] == policy else set())  # logs name either
         found = find(judged, trials_of(trials, robot, names), values, rules.limit_cycles)

@@ -19,6 +19,7 @@ from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.export.card import page
 from pipeline.robot import load_robot
+from pipeline.validation.bars import ValidationSettings, read_validation
 from pipeline.validation.deployed import Deployed, deployed
 
 EXACT = "gives_the_networks_actions"
@@ -165,10 +166,13 @@ class EvaluatedPolicyConfig(dg.Config):
     """An npz to evaluate in place of the exported policy. The release report then calls it another policy's result."""
 
 
-def evaluated_policy(config: EvaluatedPolicyConfig, exported: Manifest, robot: str) -> Deployed:
-    """The policy that is meant, on the adapted robot. Raises FileError."""
+def evaluated_policy(
+    config: EvaluatedPolicyConfig, exported: Manifest, robot: str
+) -> tuple[Deployed, ValidationSettings]:
+    """The policy that is meant on the adapted robot, and the robot's bars. Raises FileError, SettingsError."""
+    bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
-    return deployed(PROJECT.adapted_robot(robot), policy)
+    return deployed(PROJECT.adapted_robot(robot), policy), bars
 
 
 def remove_earlier_logs(folder: Path, logs: Sequence[Path]) -> None:

@@ -17,7 +17,6 @@ from pipeline.batch import Manifest
 from pipeline.deployment import digest
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
-from pipeline.validation.bars import read_validation
 from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.figures import measure
 from pipeline.validation.suites import cells_of, named
@@ -49,8 +48,7 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     ):
         """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
         robot = plan.robot or DEFAULT_ROBOT
-        bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        one = evaluated_policy(config, exported_policy, robot)
+        one, bars = evaluated_policy(config, exported_policy, robot)
         measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
         verdict = judge(measured, bars, suite=config.suite, policy=digest(one.policy), robot=one.robot.digest)
         folder = PROJECT.simulated_failures(robot, "mujoco")
@@ -113,8 +111,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
         robot = plan.robot or DEFAULT_ROBOT
-        bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = evaluated_policy(config, exported_policy, robot)
+        judged, bars = evaluated_policy(config, exported_policy, robot)
         found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
         folder = PROJECT.simulated_failures(robot, "cross_engine")
         logs = write_failures(judged, found, grid, folder)

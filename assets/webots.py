@@ -12,7 +12,6 @@ from pipeline.batch import Manifest
 from pipeline.deployment import digest
 from pipeline.files import settings
 from pipeline.robot.load import read_description
-from pipeline.validation.bars import read_validation
 from pipeline.webots.project import write_project
 from pipeline.webots.result import WebotsSettings
 from pipeline.webots.validate import WEBOTS, project_faults, validate
@@ -38,8 +37,7 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
         robot = plan.robot or DEFAULT_ROBOT
-        rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = evaluated_policy(config, exported_policy, robot)
+        judged, rules = evaluated_policy(config, exported_policy, robot)
         folder, source = PROJECT.data / "webots" / robot, read_description(PROJECT.adapted_robot(robot))
         project = write_project(folder, source, judged.task, judged.envelope, judged.policy, values)
         faults = project_faults(project.world, judged.robot)

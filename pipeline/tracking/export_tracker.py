@@ -33,7 +33,7 @@ from pipeline.tracking.process import Setup, process
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.task import CONTROL_HZ
 from pipeline.tracking.tracker_file import tracker_arrays
-from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, Trained, write_tracker_folder
+from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, write_tracker_folder
 
 SETTINGS = Path(__file__).resolve().parents[2] / "data" / "tracking.yaml"
 
@@ -56,8 +56,7 @@ def export_tracker(
     write_policy(run / NETWORK, tracker_arrays(state, bundle.robot))
     setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=run / NETWORK)
     found = nominal_rollouts(clips_of(bundle.motions, robot), setup, pool)
-    trained = Trained(run=run, iterations=state["iteration"], bundle=bundle.about, clips=bundle.motions.names)
-    return write_tracker_folder(out, trained, figures(found), made)
+    return write_tracker_folder(out, run, state["iteration"], bundle, figures(found), made)
 
 
 def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:

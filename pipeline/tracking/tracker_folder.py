@@ -15,7 +15,7 @@ from typing import Any
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
 from pipeline.files.csv_json import read_json
-from pipeline.tracking.bundle import CONFIG
+from pipeline.tracking.bundle import CONFIG, TrackingBundle
 
 SCHEMA = "booster-lab tracker 1"
 NETWORK, CURVES, CARD = "tracker.npz", "curves.csv", "card.json"
@@ -56,51 +56,42 @@ def read_card(folder: Path) -> TrackerCard:
     return card
 
 
-@dataclass(frozen=True, kw_only=True)
-class Trained:
-    """A training run at one of its checkpoints."""
-
-    run: Path
-    """Folder of the run; its `tracker.npz` is the checkpoint's network."""
-    iterations: int
-    bundle: dict[str, Any]
-    """`bundle.json` of what it was trained on."""
-    clips: tuple[str, ...]
-    """Names of its clips."""
-
-
 def write_tracker_folder(
-    folder: Path, trained: Trained, figures: dict[str, float], made: dict[str, str]
+    folder: Path, run: Path, iterations: int, bundle: TrackingBundle, figures: dict[str, float], made: dict[str, str]
 ) -> TrackerCard:
     """Copy network and curves of a training run to `folder` and write its card.
 
-    `figures` are those of the nominal rollouts of its clips, `made` is `command` and `commit`. Raises FileError where
-    the run lacks a file.
+    Args:
+        run: folder of the run; its `tracker.npz` is the network after `iterations`
+        bundle: what it was trained on
+        figures: those of the nominal rollouts of its clips
+        made: `command` and `commit`
+
+    Raises FileError where the run lacks a file.
     """
-    run, bundle = trained.run, trained.bundle
     for name in (NETWORK, CURVES, CONFIG):
         if not (run / name).is_file():
             raise FileError(run / name, "it is missing: the run has not ended.", "Repeat its command with --resume.")
     config = json.loads((run / CONFIG).read_text())
     head, *rows = (run / CURVES).read_text().splitlines()
-    rows = rows[: trained.iterations]
+    rows = rows[:iterations]
     last = dict(zip(head.split(","), rows[-1].split(","), strict=True))
     training = {
         **made,
         **{name: config[name] for name in ("seed", "num_envs", "processes", "device", "versions")},
         "bundle": config["bundle_digest"],
-        "robot_digest": bundle["robot_digest"],
-        "seconds_of_motion": bundle["seconds"],
-        "iterations": trained.iterations,
+        "robot_digest": bundle.about["robot_digest"],
+        "seconds_of_motion": bundle.about["seconds"],
+        "iterations": iterations,
         "minutes": round(float(last["seconds"]) / 60.0, 1),
     }
     atomic.write_bytes(folder / NETWORK, (run / NETWORK).read_bytes())
     atomic.write_bytes(folder / CURVES, "".join(f"{row}\n" for row in (head, *rows)).encode())
     files = {name: digest.of_file(folder / name) for name in (NETWORK, CURVES)}
     card = TrackerCard(
-        robot=bundle["robot"],
-        clips=trained.clips,
-        licences=tuple(bundle["licences"]),
+        robot=bundle.about["robot"],
+        clips=bundle.motions.names,
+        licences=tuple(bundle.about["licences"]),
         training=training,
         figures=figures,
         files=files,
