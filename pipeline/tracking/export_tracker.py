@@ -10,28 +10,23 @@ Every clip of the bundle is rolled out once without disturbance; the figures go 
 """
 
 import argparse
-import dataclasses
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch.pool import ClipPool
-from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.files import settings
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.learning.policy_file import write_policy
 from pipeline.learning.training_error import TrainingError
-from pipeline.robot import Robot, load_robot
-from pipeline.tracking.bundle import Motions, check_trained_on, read_tracking_bundle
-from pipeline.tracking.process import Setup, process
+from pipeline.robot import load_robot
+from pipeline.tracking.bundle import check_trained_on, read_tracking_bundle
+from pipeline.tracking.nominal_rollout import clips_of, figures, nominal_rollout
+from pipeline.tracking.process import Setup
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.task import CONTROL_HZ
 from pipeline.tracking.tracker_file import tracker_arrays
 from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, write_tracker_folder
 
@@ -55,69 +50,9 @@ def export_tracker(
     state = load_checkpoint(newest, "cpu")
     write_policy(run / NETWORK, tracker_arrays(state, bundle.robot))
     setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=run / NETWORK)
-    found = nominal_rollouts(clips_of(bundle.motions, robot), setup, pool)
+    calls = [(clip,) for clip in clips_of(bundle.motions, robot)]
+    found = list(pool.map(partial(nominal_rollout, setup=setup), calls))
     return write_tracker_folder(out, run, state["iteration"], bundle, figures(found), made)
-
-
-def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:
-    """The motions of a bundle as clips."""
-    return [
-        RobotClip(
-            name=name,
-            fps=CONTROL_HZ,
-            robot=robot.name,
-            joint_names=robot.joint_names,
-            root_pos_w=motions.root_pos_w[start:stop],
-            root_quat_w=motions.root_quat_w[start:stop],
-            joint_pos=motions.joint_pos[start:stop],
-        )
-        for name, start, stop in zip(motions.names, motions.clip_start[:-1], motions.clip_start[1:], strict=True)
-    ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class NominalRollout:
-    """One clip's nominal rollout."""
-
-    clip: str
-    survived: bool
-    """From the first frame to the last."""
-    body_error_m: float
-    joint_error_rad: float
-    path_error_m: float
-    seconds: float
-
-
-def nominal_rollouts(clips: Sequence[RobotClip], setup: Setup, pool: ClipPool) -> list[NominalRollout]:
-    """The nominal rollout of each clip, in the clips' order."""
-    work = partial(_nominal, setup=dataclasses.replace(setup, settings=setup.settings.nominal()))
-    return list(pool.map(work, [(clip,) for clip in clips]))
-
-
-def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
-    """Share that survives, and errors: mean over clips, mean over all frames, and the worst clip's."""
-    seconds = np.array([each.seconds for each in rollouts])
-    body_cm = np.array([100.0 * each.body_error_m for each in rollouts])
-    path_cm = np.array([100.0 * each.path_error_m for each in rollouts])
-    joint_deg = np.degrees([each.joint_error_rad for each in rollouts])
-    values = {
-        "clips": float(len(rollouts)),
-        "survived": np.mean([each.survived for each in rollouts]),
-        "body_error_cm": body_cm.mean(),
-        "body_error_cm_over_frames": np.average(body_cm, weights=seconds),
-        "body_error_cm_worst_clip": body_cm.max(),
-        "joint_error_deg": joint_deg.mean(),
-        "joint_error_deg_over_frames": np.average(joint_deg, weights=seconds),
-        "path_error_cm": path_cm.mean(),
-        "path_error_cm_worst_clip": path_cm.max(),
-    }
-    return {name: round(float(value), 3) for name, value in values.items()}
-
-
-def _nominal(clip: RobotClip, *, setup: Setup) -> NominalRollout:
-    numbers = process(clip, {"variant": ""}, setup=setup).numbers
-    errors = {name: float(numbers[name] or 0.0) for name in ("body_error_m", "joint_error_rad", "path_error_m")}
-    return NominalRollout(clip=clip.name, survived=bool(numbers["survived"]), seconds=clip.duration_s, **errors)
 
 
 def main(arguments: Sequence[str]) -> int:
