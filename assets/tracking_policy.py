@@ -1,6 +1,5 @@
 """KP4's tracking policy of a robot: the one that ships, or one trained here, by request or before a policy."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -141,16 +140,3 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Ru
     name = f"{'trial-' if trial else ''}seed{config.seed}-{digest.of_json([content, asked])[:10]}"
     gpus, options = asked.pop("gpus"), asked | {"minutes": f"{config.minutes:g}"}
     return run_in(runs / name, bundle, "pipeline.tracking", gpus, "--resume", **options)
-
-
-def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any]:
-    """The job `train_tracker` of each robot (`train_tracker_k1` of another one), started by a person."""
-    return [
-        dg.define_asset_job(
-            job_of("train_tracker", robot),
-            selection=dg.AssetSelection.assets(plans[robot].key),
-            config={"ops": {plans[robot].key.to_python_identifier(): {"config": {"train": ALWAYS}}}},
-            description="Trains a tracking policy on the references, which are brought up to date first. Needs a GPU.",
-        )
-        for robot in robots
-    ]
