@@ -31,8 +31,7 @@ from assets.sensors import (
 from assets.source_jobs import rerun_source
 from assets.sources import raw_motions
 from assets.tracker_choice import ALWAYS, job_of
-from assets.validation import cross_engine_validation, mujoco_validation
-from assets.webots import webots_validation
+from assets.validation import cross_engine_validation, mujoco_validation, webots_validation
 
 
 def policy_assets(robot: str) -> list[Any]:
