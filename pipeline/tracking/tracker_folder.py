@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FileError
-from pipeline.files import atomic, digest
+from pipeline.files import atomic, digest, settings
 from pipeline.files.csv_json import read_json
 from pipeline.tracking.bundle import CONFIG, TrackingBundle
 
@@ -43,13 +43,10 @@ def read_card(folder: Path) -> TrackerCard:
     path = folder / CARD
     if not path.is_file():
         raise FileError(path, "it is missing: the folder has no tracker.", "Train one, or name another folder.")
-    try:
-        value = read_json(path, "a card of a tracker", "Write the folder again.")
-        if value.pop("schema") != SCHEMA:
-            raise ValueError("another schema")
-        card = TrackerCard(**{**value, "clips": tuple(value["clips"]), "licences": tuple(value["licences"])})
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError(path, f"is no card of a tracker ({error}).", "Write the folder again.") from error
+    value = read_json(path, "a card of a tracker", "Write the folder again.")
+    if not isinstance(value, dict) or value.pop("schema", None) != SCHEMA:
+        raise FileError(path, f"is no card of a tracker of schema {SCHEMA!r}.", "Write the folder again.")
+    card = settings.parse(TrackerCard, value, path)
     for name, expected in card.files.items():
         if not (folder / name).is_file() or digest.of_file(folder / name) != expected:
             raise FileError(folder / name, "is missing or not the file of its card.", "Write the folder again.")
