@@ -4,7 +4,6 @@ import dataclasses
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.approved import approval_metadata, approved_key, approved_part
 from assets.plan import ROBOT, Plan, group_of
@@ -173,25 +172,10 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
 def _difference(actuators: Any) -> dict[str, Any]:
     from pipeline.actuators.adapted_robot import motors_source
 
-    table = pd.DataFrame([vars(each) for each in actuators])
-    columns = {
-        "joint": "joint",
-        "verdict": "verdict",
-        "nominal torque": "nominal_torque",
-        "adapted torque": "box_effort_limit",
-        "nominal speed": "nominal_speed",
-        "adapted speed": "box_velocity_limit",
-        "nominal armature": "nominal_armature",
-        "adapted armature": "armature",
-        "no-load speed": "dc_motor_no_load_speed",
-        "saturation torque": "dc_motor_saturation_effort",
-    }
-    shown = pd.DataFrame({name: list(table[source]) for name, source in columns.items()})
     changed = [each.joint for each in actuators if each.changed]
     return {
         "motor limits": motors_source(actuators),
-        "nominal against adapted": table_of(shown),
-        "actuators": table_of(table),
+        "actuators": table_of([vars(each) for each in actuators]),
         "joints changed": ", ".join(changed) or "none",
         "verdict": "; ".join(sorted({each.verdict for each in actuators})),
     }

@@ -70,14 +70,9 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
     ]
 
 
-def approvals_of(project: Project) -> Approvals:
-    """All approved changes, compared with the rules; what can't be used is reported and raises nothing."""
-    return project.feedback.approvals()
-
-
 def approved_part(project: Project, section: str, robot: str | None) -> tuple[Change, ...]:
     """The approved changes of a section for a robot. Raises PipelineError where they can't be used."""
-    approvals = approvals_of(project)
+    approvals = project.feedback.approvals()
     if section in approvals.faults:
         raise approvals.faults[section]
     return part_of(approvals.changes, section, None if section in SHARED_PARTS else robot)
@@ -90,7 +85,7 @@ def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:
 
 def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str, Any]]]:
     """Version of each part, and what is noted of it in the history."""
-    approvals = approvals_of(project)
+    approvals = project.feedback.approvals()
     found = {}
     for section in PARTS:
         for robot in (None,) if section in SHARED_PARTS else project.robots:

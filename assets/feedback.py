@@ -11,7 +11,7 @@ from typing import Any
 import dagster as dg
 
 from assets.approval import ensure_token
-from assets.approved import PAGE_TAG, approvals_of, shown_state
+from assets.approved import PAGE_TAG, shown_state
 from assets.failure_modes import reports_of
 from assets.plan import FIELD
 from assets.project import PROJECT
@@ -153,7 +153,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
         _let_take_effect(proposal.changes, found)
     made = {f"{place:04d}": settings.plain(each) for place, each in enumerate(proposal.changes)}
     ensure_token(PROJECT)
-    approvals = approvals_of(PROJECT)
+    approvals = PROJECT.feedback.approvals()
     declined = PROJECT.feedback.declined_changes()
     page = FeedbackPage(proposal=proposal, approvals=approvals, refused=declined)
     check = check_result(FEEDBACK, NOTHING_PENDING, page.nothing_waits, page.sentence())
@@ -164,9 +164,9 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
-    approved = approvals_of(PROJECT).changes
+    approved = PROJECT.feedback.approvals().changes
     kept = [each for each in changes if not is_demonstration(each) or each in approved]
-    write_entries(PROJECT.approved_feedback, entries_of(kept, proposal, "the rules, which ask for no approval"))
+    write_entries(PROJECT.feedback.approved, entries_of(kept, proposal, "the rules, which ask for no approval"))
 
 
 @asset_of(REPORT, "mujoco", inputs={"failure_modes": FAILURES})

@@ -18,6 +18,7 @@ from pipeline.errors import PipelineError
 from pipeline.files.shown_text import markdown_table
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
+from pipeline.robot.build import COLUMNS
 
 
 def asset_of(
@@ -185,20 +186,9 @@ def page_link(path: str, name: str) -> dict[str, dg.MarkdownMetadataValue]:
 
 
 def joint_table(robot: Robot) -> pd.DataFrame:
-    """One row a joint: limits, gains, armature. rad, rad/s, N m, kg m2."""
-    columns = {
-        "joint": robot.joint_names,
-        "lower": robot.joint_lower,
-        "upper": robot.joint_upper,
-        "speed": robot.motor_speed_limit,
-        "retarget speed": robot.retarget_speed_limit,
-        "torque": robot.torque_limit,
-        "armature": robot.armature,
-        "kp": robot.kp,
-        "kd": robot.kd,
-        "default": robot.default_joint_pos,
-    }
-    return pd.DataFrame({name: list(values) for name, values in columns.items()})
+    """One row a joint: limits, gains, armature, as joints.csv names them. rad, rad/s, N m, kg m2."""
+    columns = {column: getattr(robot, name) for name, column in COLUMNS.items()}
+    return pd.DataFrame({"joint": robot.joint_names, **{name: list(values) for name, values in columns.items()}})
 
 
 @contextmanager

@@ -15,7 +15,6 @@ from assets.approved import (
     PARTS,
     PROPOSAL,
     SHARED_PARTS,
-    approvals_of,
     approved_key,
     approved_versions,
     shown_state,
@@ -39,7 +38,8 @@ renew_feedback_page = dg.define_asset_job(
 
 def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunRequest | None:
     """The run that makes the page again; None where it is as it should be, was never made, or can't be made."""
-    tags, state = last_tags(instance, PROPOSAL), shown_state(approvals_of(project), project.feedback.declined_changes())
+    tags, files = last_tags(instance, PROPOSAL), project.feedback
+    state = shown_state(files.approvals(), files.declined_changes())
     if tags is None or tags.get(PAGE_TAG) == state:
         return None
     runs = dg.RunsFilter(job_name=renew_feedback_page.name)
@@ -106,7 +106,7 @@ def _in_database(project: Project, robot: str) -> dict[str, str] | None:
 def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.RunRequest | dg.SkipReason:
     """The run that brings what is approved into the databases, or why there is none."""
     try:
-        for section, fault in approvals_of(project).faults.items():
+        for section, fault in project.feedback.approvals().faults.items():
             if section in SHARED_PARTS or section in USED_BY:  # a file that can't be read faults all sections
                 return dg.SkipReason(str(fault))
         late = behind(instance, project)

@@ -51,7 +51,7 @@ def catalogue(project: Project) -> Manifest:
 
 
 def approve(project: Project) -> None:
-    write_entries(project.approved_feedback, entries_of(proposal(FALL).changes, "x", "a person"))
+    write_entries(project.feedback.approved, entries_of(proposal(FALL).changes, "x", "a person"))
 
 
 def bounded(project: Project, most_s: float) -> None:
@@ -144,7 +144,7 @@ def test_taking_it_back_gives_the_same_bytes_as_before(project, asset):
     before, _ = asset()
     approve(project)
     assert asset()[0].to_text() != before.to_text()
-    project.approved_feedback.unlink()
+    project.feedback.approved.unlink()
     assert asset()[0].to_text() == before.to_text()
 
 

@@ -7,7 +7,7 @@ import dagster as dg
 import pytest
 
 from assets import runs, sensors
-from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part
+from assets.approved import PARTS, SHARED_PARTS, approved_part
 from assets.project import Project
 from assets.runs import alive
 from assets.sensors import (
@@ -92,7 +92,7 @@ def test_a_database_is_behind_from_an_approval_until_it_is_made(project):
     with dg.DagsterInstance.ephemeral() as instance:
         approve(project)
         assert behind(instance, project) == {}, "what was never made heeds it when it is made"
-        project.approved_feedback.unlink()
+        project.feedback.approved.unlink()
         note_materialized(instance, project)
         assert behind(instance, project) == {}
         approve(project, "weights")
@@ -250,8 +250,8 @@ def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monk
 
 
 def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):
-    project.approved_feedback.parent.mkdir(parents=True, exist_ok=True)
-    project.approved_feedback.write_text("approvals: 3\n")
+    project.feedback.approved.parent.mkdir(parents=True, exist_ok=True)
+    project.feedback.approved.write_text("approvals: 3\n")
     with dg.DagsterInstance.ephemeral() as instance:
         assert "approved.yaml: 'approvals' is 3" in tick(instance)
 
@@ -259,13 +259,13 @@ def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):
 def test_a_section_that_no_database_heeds_stops_none(project):
     with reached(project) as instance:
         approve(project)
-        text = project.approved_feedback.read_text()
+        text = project.feedback.approved.read_text()
         assert text.count("value: 0.8") == 1, "the range of gains"
-        project.approved_feedback.write_text(text.replace("value: 0.8", "value: 0.7"))
-        assert set(approvals_of(project).faults) == {"randomization"}
+        project.feedback.approved.write_text(text.replace("value: 0.8", "value: 0.7"))
+        assert set(project.feedback.approvals().faults) == {"randomization"}
         request = tick(instance)
         assert isinstance(request, dg.RunRequest) and request.asset_selection == [DATABASE]
-        project.approved_feedback.write_text(text.replace("value: 1.5625", "value: 1.5"))
+        project.feedback.approved.write_text(text.replace("value: 1.5625", "value: 1.5"))
         assert "'weights': its changes do not have the digest" in str(tick(instance))
 
 
