@@ -17,7 +17,8 @@ Verdict = tuple[bool, str]
 
 def every_clip_accounted_for(manifest: Manifest) -> Verdict:
     """Counts conserve: a clip that came in went on or has a reason."""
-    silent = [row.clip for row in manifest.judged if not row.pieces and not row.reasons]
+    rows = manifest.findings("clip", "pieces", "reasons")
+    silent = [clip for clip, pieces, reasons in rows if not pieces and not reasons]
     return not silent, f"without a reason: {', '.join(silent)}" if silent else f"{len(manifest.judged)} clips"
 
 
@@ -40,13 +41,14 @@ def something_left(manifest: Manifest) -> Verdict:
 
 def no_stage_fault(manifest: Manifest) -> Verdict:
     """No clip was lost to a fault of the stage itself (an unexpected error)."""
-    failed = [row.clip for row in manifest.judged for reason in row.reasons if reason["code"] == "failed"]
+    found = manifest.findings("clip", "reasons")
+    failed = [clip for clip, reasons in found for reason in reasons if reason["code"] == "failed"]
     return not failed, ", ".join(failed) or "none"
 
 
 def sound_frames(manifest: Manifest) -> Verdict:
     """Every stored frame is finite, every quaternion unit; contacts of human clips are labelled."""
-    there = {entry.clip for entry in manifest.entries}
+    there = {entry.clip for entry in manifest.entries} if manifest.unsound else set()
     faults = [f"{clip}: {fault}" for clip, fault in manifest.unsound if clip in there]
     return not faults, "; ".join(faults[:20]) if faults else f"{len(manifest.entries)} clips"
 

@@ -16,7 +16,7 @@ from pipeline.dataset_export import export_database
 from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database
 from pipeline.expert.index import database_version
 from pipeline.expert.swap import replace_folder
-from pipeline.feasibility.command_space import by_command
+from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot
 
@@ -75,6 +75,7 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     title = f"{manifest['robot']} expert database"
     seconds = manifest["seconds_by_skill"]
     by_skill = pd.DataFrame({"skill": list(seconds), "seconds": [float(value) for value in seconds.values()]})
+    spent = pd.DataFrame(index, columns=[name for name in ("seconds", *VELOCITIES, SECONDS_COLUMN) if name in index])
     columns = ["clip", "skill", "seconds", "weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]
     return {
         "clips": manifest["clips"],
@@ -83,7 +84,7 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
         "strictest licence": manifest["licence"]["strictest"],
         "allowed use": manifest["licence"]["allowed_use"],
         "dagster/row_count": manifest["clips"],
-        **({"coverage": picture(command_seconds(by_command(index), title))} if len(index) else {}),
+        **({"coverage": picture(command_seconds(by_command(spent), title))} if len(index) else {}),
         "seconds by skill": table_of(by_skill, ["skill", "seconds"]),
         "clips of the database": table_of(index.sort_values("clip"), columns),
     }

@@ -32,8 +32,10 @@ from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
 from pipeline.feasibility.balance import READ
-from pipeline.feasibility.command_space import by_command
+from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
+from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
 from pipeline.feasibility.criteria_table import split
+from pipeline.feasibility.evaluated import READ as OF_RESULTS
 from pipeline.feasibility.evaluated import Results, results_of_pieces, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import noting
@@ -176,9 +178,9 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         )
         metadata |= _variations(augmented_motions, manifest)
         if manifest.entries:
-            spent = by_command(manifest.entry_table())
+            spent = by_command(manifest.entry_table(["seconds", *VELOCITIES, SECONDS_COLUMN]))
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
-            cells = coverage(manifest.entry_table(), values.balance, commands).cells
+            cells = coverage(manifest.entry_table([*NEEDED, *WHERE_THERE]), values.balance, commands).cells
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
@@ -196,7 +198,7 @@ def results_at_hand(references: Plan) -> Results:
     path = criteria_table.path_beside(manifest)
     if not criteria_table.belongs(path, manifest):
         return {}
-    return results_of_pieces(criteria_table.read(path, manifest, references.name))
+    return results_of_pieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -139,17 +139,17 @@ class Manifest:
 
     def fates(self) -> Counter[str]:
         """How many input clips have each fate (`Judged.fate`)."""
-        return Counter(fate_of(*each) for each in self._judged("pieces", "reasons"))
+        return Counter(fate_of(*each) for each in self.findings("pieces", "reasons"))
 
     def seconds(self, which: str) -> float:
         """Sum of `seconds_in` or `seconds_out` [s] over the input clips."""
-        return float(sum(0.0 if value is MISSING else value or 0.0 for (value,) in self._judged(which)))
+        return float(sum(0.0 if value is MISSING else value or 0.0 for (value,) in self.findings(which)))
 
     def reason_counts(self, effect: str) -> Counter[str]:
         """How often each reason code stands with an effect (`rejected`, `repaired`, `noted`)."""
-        return Counter(r["code"] for (reasons,) in self._judged("reasons") for r in reasons if r["effect"] == effect)
+        return Counter(r["code"] for (reasons,) in self.findings("reasons") for r in reasons if r["effect"] == effect)
 
-    def _judged(self, *names: str) -> Any:
+    def findings(self, *names: str) -> Iterator[tuple[Any, ...]]:
         """The values of the named columns of the findings, a tuple a row."""
         for shard in self.judged_shards:
             columns = shard.columns(names)

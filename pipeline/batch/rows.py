@@ -14,7 +14,7 @@ class Entry:
     clip: str
     """Unique name."""
     blob: str
-    """Digest of its Parquet blob in the store."""
+    """Digest of its blob in the store."""
     numbers: dict[str, Any]
     """Numbers of all stages so far; later ones override."""
     record: tuple[dict[str, Any], ...] = ()

@@ -1,4 +1,4 @@
-"""Clips as Parquet bytes and back; the same motion gives the same bytes, whatever the clip's name.
+"""Clips as bytes of an Arrow stream and back; the same motion gives the same bytes, whatever the clip's name.
 
 One row a frame, one fixed-size-list column of float64 an array; rate and kind in the schema's metadata. The name
 is not in it: windows of one clip share its bytes, and the caller keeps the name beside the blob. `faults_of` checks
@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.errors import PipelineError
 
-FORMAT = "booster-lab clip 2"
+FORMAT = "booster-lab clip 3"
 
 FORCES = tuple(field.name for field in dataclasses.fields(SimulatedForces))
 
@@ -31,7 +30,7 @@ class CodecError(PipelineError):
 
 
 def encode(clip: HumanClip | RobotClip) -> bytes:
-    """Parquet bytes of a clip without its name; equal motions give equal bytes."""
+    """Bytes of a clip without its name, not compressed: floats hardly shrink. Equal motions give equal bytes."""
     head: dict = {"format": FORMAT, "fps": clip.fps}
     arrays = _motion(clip)
     if isinstance(clip, HumanClip):
@@ -43,25 +42,28 @@ def encode(clip: HumanClip | RobotClip) -> bytes:
     if clip.contacts is not None:
         arrays["contacts"] = clip.contacts
     columns = {name: _to_column(values) for name, values in arrays.items()}
-    table = pa.table(columns).replace_schema_metadata({"booster_lab": json.dumps(head, sort_keys=True)})
+    metadata = {"booster_lab": json.dumps(head, sort_keys=True)}
+    rows = pa.record_batch(list(columns.values()), names=list(columns)).replace_schema_metadata(metadata)
     sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, compression="zstd", use_dictionary=False, write_statistics=False)
+    with pa.ipc.new_stream(sink, rows.schema) as stream:
+        stream.write_batch(rows)
     return sink.getvalue().to_pybytes()
 
 
 def decode(data: bytes, name: str) -> HumanClip | RobotClip:
     """The clip that `encode` was given, under a name. Raises CodecError for bytes that are no clip."""
     try:
-        table = pq.ParquetFile(pa.BufferReader(data)).read(use_threads=False)  # a clip is too small for threads
+        table = pa.ipc.open_stream(data).read_next_batch()
+        table.validate()
         head = json.loads((table.schema.metadata or {})[b"booster_lab"])
-    except (pa.ArrowException, KeyError, ValueError) as error:
+    except (pa.ArrowException, OSError, StopIteration, KeyError, ValueError) as error:
         raise CodecError(f"not a clip blob: {error}") from error
     if head.get("format") != FORMAT:
         raise CodecError(f"clip blob has format {head.get('format')!r}, this version reads {FORMAT!r}")
     shape = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4), "foot_wrench_w": (-1, 2, 6)}
     arrays = {
         name: _from_column(table.column(name)).reshape(shape.get(name, (table.num_rows, -1)))
-        for name in table.column_names
+        for name in table.schema.names
     }
     contacts = arrays.pop("contacts", None)
     common: dict[str, Any] = {"name": name, "fps": head["fps"], **arrays}
@@ -85,8 +87,8 @@ def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:
     return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
 
 
-def _from_column(column: pa.ChunkedArray) -> np.ndarray:
-    return np.asarray(column.combine_chunks().flatten(), dtype=np.float64).copy()
+def _from_column(column: pa.FixedSizeListArray) -> np.ndarray:
+    return column.flatten().to_numpy().astype(np.float64)
 
 
 UNIT_TOLERANCE = 1e-6

@@ -26,7 +26,7 @@ from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
-from pipeline.expert.frames import FPS, columns, expert_frames, rounded
+from pipeline.expert.frames import FPS, columns, expert_frames, numbers_text, rounded
 from pipeline.expert.read import DatabaseError, check_database, read_clip
 from pipeline.expert.swap import DatabaseSettings, current, replace_folder
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
@@ -227,8 +227,7 @@ def _head(entry: ExpertEntry, mode: str, robot: Robot, columns_text: str) -> byt
 
 def _frames_text(clip: RobotClip, robot: Robot) -> bytes:
     frames = rounded(expert_frames(clip, robot), len(robot.controlled))
-    body = ",\n".join(json.dumps(frame, separators=(",", ":"), allow_nan=False) for frame in frames.tolist())
-    return FRAMES + (body + "\n]}\n").encode()
+    return FRAMES + numbers_text(frames) + b"\n]}\n"
 
 
 def _write_clips(

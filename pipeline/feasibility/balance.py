@@ -22,6 +22,7 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float, Int
 
 from pipeline.errors import PipelineError
 from pipeline.feasibility.command_space import SECONDS_COLUMN, CommandSettings, by_command, cell_of
@@ -121,11 +122,31 @@ def effective_seconds(rows: pd.DataFrame, weight: np.ndarray) -> float:
     that has most. A take is a recording or one variant of it. Equal to the sum of the S where every second of own
     motion weighs the same: copies add nothing, and a family that weighs too much for its seconds takes from the others.
     """
-    take = rows["clip"].str.replace(WITHIN_A_TAKE, "", regex=True)
-    takes = rows.assign(take=take, seconds=rows["seconds"].astype(float)).groupby(["family", "take"])["seconds"].sum()
-    own = np.asarray(takes.groupby(level=0).max(), dtype=float)
-    of_family = np.asarray(rows.assign(weight=weight).groupby("family")["weight"].sum(), dtype=float)
-    total = float(np.sum(np.square(of_family) / own))
+    seconds = rows["seconds"].to_numpy(dtype=float)
+    return effective_seconds_of(pd.factorize(rows["family"])[0], takes(rows), seconds, weight)
+
+
+def takes(rows: pd.DataFrame) -> Int[np.ndarray, " n"]:
+    """A number for the clip of each row, the same for windows and pieces of one take."""
+    return pd.factorize(rows["clip"].astype(object).str.replace(WITHIN_A_TAKE, "", regex=True))[0]
+
+
+def effective_seconds_of(
+    family: Int[np.ndarray, " n"],
+    take: Int[np.ndarray, " n"],
+    seconds: Float[np.ndarray, " n"],
+    weight: Float[np.ndarray, " n"],
+) -> float:
+    """`effective_seconds` of rows with numbers for their family and take."""
+    order = np.lexsort((take, family))
+    family, take, seconds, weight = family[order], take[order], seconds[order], weight[order]
+    new_family = np.diff(family, prepend=-1) != 0
+    new_take = np.flatnonzero(new_family | (np.diff(take, prepend=-1) != 0))
+    families = np.flatnonzero(new_family)
+    if not len(families):
+        return 0.0
+    own = np.maximum.reduceat(np.add.reduceat(seconds, new_take), np.searchsorted(new_take, families))
+    total = float(np.sum(np.square(np.add.reduceat(weight, families)) / own))
     return float(np.sum(weight)) ** 2 / total if total > 0.0 else 0.0
 
 

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from pipeline.files.ranges import NOT_NEGATIVE, Remark
 from pipeline.files.sourced import Unit
@@ -90,10 +90,20 @@ def _middle(values: np.ndarray, axis: Axis) -> np.ndarray:
 
 def command_seconds_text(commands: Float[np.ndarray, "t 3"], fps: float) -> str:
     """The text of a motion: seconds of its frames in each box they lie in, in the boxes' order."""
-    boxes, frames = np.unique(np.floor(commands / BOX + 1e-9).astype(int), axis=0, return_counts=True)
+    boxes = np.floor(commands / BOX + 1e-9).astype(int)
+    boxes, frames = _distinct(boxes)
     middles = np.round((boxes + 0.5) * BOX, 3)
     seconds = np.round(frames / fps, 3)
     return json.dumps(np.column_stack([middles, seconds]).tolist())
+
+
+def _distinct(boxes: Int[np.ndarray, "t 3"]) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
+    """The different boxes in their order, and how often each is there."""
+    low = boxes.min(axis=0)
+    _, lateral, yaw = boxes.max(axis=0) - low + 1
+    numbered = (boxes - low) @ np.array([lateral * yaw, yaw, 1])
+    _, first, count = np.unique(numbered, return_index=True, return_counts=True)
+    return boxes[first], count
 
 
 def by_command(rows: pd.DataFrame) -> pd.DataFrame:

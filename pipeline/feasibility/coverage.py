@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.feasibility.balance import BalanceSettings, effective_seconds, parents
+from pipeline.feasibility.balance import BalanceSettings, effective_seconds_of, parents, takes
 from pipeline.feasibility.command_space import (
     BOX,
     SECONDS_COLUMN,
@@ -56,9 +56,12 @@ def coverage(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSet
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
     # No other column: a clip has a row in the table by command for each box it visits, some of them long texts.
     rows = pd.DataFrame(rows, columns=[name for name in (*NEEDED, *WHERE_THERE) if name in rows])
-    if len(rows):
-        rows = rows.assign(family=families(rows, parents(rows), settings.same_gait))
     spent = by_command(rows)
+    of_clip = spent.pop("row").to_numpy(dtype=int)
+    spent = spent[[name for name in ("seconds", "clip_seconds", "weight", *VELOCITIES) if name in spent]]
+    family = families(rows, parents(rows), settings.same_gait) if len(rows) else rows["clip"]
+    numbers = {"clip": np.arange(len(rows)), "family": pd.factorize(family)[0], "take": takes(rows)}
+    spent = spent.assign(**{name: values[of_clip] for name, values in numbers.items()})
     if "weight" in spent:
         spent = spent.assign(weight=spent["weight"] * spent["seconds"] / spent["clip_seconds"])
     still = standing(spent, commands)
@@ -119,6 +122,7 @@ def _plane_rows(rows: pd.DataFrame, commands: CommandSettings) -> list[dict]:
 
 
 def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
+    clip, family, take = (rows[name].to_numpy() for name in ("clip", "family", "take"))
     seconds = rows["seconds"].to_numpy(dtype=float)
     entry = {
         "axis": axis,
@@ -127,14 +131,14 @@ def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
         "low_2": np.nan,
         "high_2": np.nan,
         "seconds": float(np.sum(seconds)),
-        "clips": rows["row"].nunique(),
-        "families": rows["family"].nunique() if len(rows) else 0,
-        "effective_seconds_before": effective_seconds(rows, seconds) if len(rows) else 0.0,
+        "clips": len(np.unique(clip)),
+        "families": len(np.unique(family)),
+        "effective_seconds_before": effective_seconds_of(family, take, seconds, seconds),
     }
     if "weight" in rows:
         weight = rows["weight"].to_numpy(dtype=float)
         entry["weight"] = float(np.sum(weight))
-        entry["effective_seconds"] = effective_seconds(rows, weight) if len(rows) else 0.0
+        entry["effective_seconds"] = effective_seconds_of(family, take, seconds, weight)
     return entry
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -134,18 +135,18 @@ def read(
 def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
     """A row a criterion: how many clips there are, in how many some stretch broke it, in how many it did not apply, and
     the stretch that went on with least to spare."""
+    clip, (piece, verdict) = pd.factorize(table["clip"])[0], (table[name].to_numpy() for name in ("piece", "verdict"))
+    broken, silent, kept = verdict == BROKEN, verdict == NOT_APPLICABLE, (piece != "") & (verdict == HOLDS)
+    places = table.groupby("criterion", observed=True).indices
     rows = []
-    for code in [*codes(), *sorted(set(table["criterion"]) - set(REGISTERED))]:
-        own = table.query("criterion == @code")
-        if own.empty:
+    for code in [*codes(), *sorted(str(code) for code in places if code not in REGISTERED)]:
+        if code not in places:
             continue
-        broken = set(own.loc[own["verdict"] == BROKEN, "clip"])
-        silent = set(own.loc[own["verdict"] == NOT_APPLICABLE, "clip"]) - set(
-            own.loc[own["verdict"] != NOT_APPLICABLE, "clip"]
-        )
-        first = own.iloc[0]
-        row = {"group": first["group"], "criterion": code, "clips": own["clip"].nunique(), "broken": len(broken)}
-        rows.append({**row, "not applicable": len(silent), **first[list(ORIGIN)], **_closest(own)})
+        own = places[code]
+        asked = set(clip[own[~silent[own]]])
+        row = {"group": table["group"].iloc[own[0]], "criterion": code, "clips": len(set(clip[own]))}
+        row |= {"broken": len(set(clip[own[broken[own]]])), "not applicable": len(set(clip[own[silent[own]]]) - asked)}
+        rows.append({**row, **table[list(ORIGIN)].iloc[own[0]], **_closest(table.iloc[own[kept[own]]])})
     return pd.DataFrame(rows, columns=list(BY_CRITERION))
 
 
@@ -158,12 +159,29 @@ def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
 def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows, none of which is kept: a number a cell, of a text which one it is."""
     cells: dict[str, list[Any]] = {name: [] for name in COLUMNS}
-    known: dict[str, str] = {}
+    add = [(name, cells[name].append) for name in COLUMNS if COLUMNS[name] != pa.string()]
+    known: dict[str, dict[str, int]] = {name: {} for name in COLUMNS if COLUMNS[name] == pa.string()}
+    add_text = [(name, places, cells[name].append) for name, places in known.items()]
     for row in rows:
-        for name, value in row.items():
-            cells[name].append(known.setdefault(value, value) if isinstance(value, str) else value)
-    kinds = {name: "category" if kind == pa.string() else float for name, kind in COLUMNS.items()}
-    return pd.DataFrame({name: pd.Series(cells.pop(name), dtype=kind) for name, kind in kinds.items()})
+        for name, append in add:
+            append(row[name])
+        for name, places, append in add_text:
+            append(places.setdefault(row[name], len(places)))
+    return pd.DataFrame(
+        {name: _texts(known[name], cells.pop(name)) if name in known else _floats(cells.pop(name)) for name in COLUMNS}
+    )
+
+
+def _floats(values: list[float | None]) -> np.ndarray:
+    return np.array(values, dtype=float)
+
+
+def _texts(places: Mapping[str, int], codes: list[int]) -> pd.Categorical:
+    """A category for each text, in their order, from the place of each row's text in `places`."""
+    texts = sorted(places)
+    order = np.empty(len(texts), dtype=int)
+    order[[places[text] for text in texts]] = np.arange(len(texts))
+    return pd.Categorical.from_codes(order[np.array(codes, dtype=int)], categories=pd.Index(texts, dtype="str"))
 
 
 def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dict[str, Any]]:
@@ -221,10 +239,10 @@ def _margin(found: Found) -> float | None:
 
 
 def _closest(own: pd.DataFrame) -> dict[str, Any]:
-    """The stretch that went on with the smallest margin to one criterion."""
-    kept = own.query("piece != '' and verdict == 'holds'").dropna(subset=["margin"])
+    """Of stretches that went on, the one with the smallest margin to a criterion, by name where margins are equal."""
+    kept = own[own["margin"] == own["margin"].min()]
     if kept.empty:
         return {}
-    row = kept.sort_values(by=["margin", "piece"]).iloc[0]
+    row = kept.loc[kept["piece"].astype(str).idxmin()]
     found = {"closest margin": row["margin"], "closest number": row["number"], "threshold": row["threshold"]}
     return {**found, "closest clip": row["piece"], **row[list(ORIGIN)]}

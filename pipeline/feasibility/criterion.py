@@ -164,14 +164,16 @@ def results(evidence: Any, settings: Any, of: str, only: Collection[str] = ()) -
         of: `MOTION` or `NUMBERS`
         only: codes of the criteria that are wanted; empty for all
     """
-    sections = [each.name for each in dataclasses.fields(settings)]
-    for section in sections:
-        for function, criteria in tuple(MEASURES.items()):
-            wanted = not only or any(each.code in only for each in criteria)
-            if wanted and criteria[0].of == of and criteria[0].section == section:
-                found = function(evidence, getattr(settings, section))
-                assert [each.code for each in found] == [each.code for each in criteria], function.__name__
-                yield from found
+    place = {each.name: index for index, each in enumerate(dataclasses.fields(settings))}
+    measures = [
+        (criteria[0].section, function, criteria)
+        for function, criteria in MEASURES.items()
+        if criteria[0].of == of and (not only or any(each.code in only for each in criteria))
+    ]
+    for section, function, criteria in sorted(measures, key=lambda measure: place[measure[0]]):
+        found = function(evidence, getattr(settings, section))
+        assert [each.code for each in found] == [each.code for each in criteria], function.__name__
+        yield from found
 
 
 def groups() -> dict[str, tuple[str, ...]]:

@@ -21,17 +21,20 @@ from pipeline.feasibility.judgement import NUMBER, Found, Judgement, to_text
 Results = Mapping[str, Mapping[str, Found]]
 """Name of a clip -> code of each criterion -> its result."""
 
+READ = ("piece", "criterion", "number", "threshold", "sense", "verdict", "message")
+"""Columns of the table of criteria that results are made of."""
+
 
 def results_of_pieces(criteria: pd.DataFrame) -> Results:
     """Results on each piece that left KP5, from KP5's table of criteria."""
     kept = criteria[criteria["piece"] != ""]
     found: dict[str, dict[str, Found]] = {}
-    columns = ["piece", "criterion", "number", "threshold", "sense", "verdict", "message"]
-    for piece, code, number, threshold, sense, verdict, message in kept[columns].itertuples(index=False):
+    columns = [kept[name].tolist() for name in READ]
+    for piece, code, number, threshold, sense, verdict, message in zip(*columns, strict=True):
         if verdict == NOT_APPLICABLE:
             result = Found(not_applicable=message)
         else:
-            value, limit = (None if pd.isna(each) else each for each in (number, threshold))
+            value, limit = (None if each != each else each for each in (number, threshold))  # NaN where there is none
             result = Found(value=value, limit=limit, lower=sense == "at least", unit=REGISTERED[code].unit)
         found.setdefault(piece, {})[code] = result
     return found

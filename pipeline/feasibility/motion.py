@@ -15,7 +15,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility.criterion import Hertz, ShareOfFrames
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import Unit
-from pipeline.quality.planar_motion import CommandVelocity, command_velocity, command_velocity_over_time
+from pipeline.quality.planar_motion import CommandVelocity, command_velocities
 from pipeline.quality.sole import ContactSettings, SoleMotion, contact_from_sole, sole_motion
 from pipeline.robot import Robot, mirror_image
 
@@ -129,14 +129,14 @@ class Motion:
             corner_pos_w=mirror_image.mirror_corners(self.sole.corner_pos_w, self.robot),
             corner_vel_w=mirror_image.mirror_corners(self.sole.corner_vel_w, self.robot),
         )
-        root = (image.root_pos_w, image.root_quat_w, image.fps)
+        velocity, commands = command_velocities(image.root_pos_w, image.root_quat_w, image.fps)
         return dataclasses.replace(
             self,
             clip=image,
             sole=sole,
             contacts=self.contacts[:, ::-1],
-            velocity=command_velocity(*root),
-            commands=command_velocity_over_time(*root),
+            velocity=velocity,
+            commands=commands,
             smooth_root_pos_w=self.smooth_root_pos_w * mirror_image.POSITION,
             smooth_root_quat_w=self.smooth_root_quat_w * mirror_image.QUATERNION,
         )
@@ -153,6 +153,9 @@ def motion_of(
     clip = at_database_rate(clip)
     sole = sole_motion(clip, robot)
     cutoff_hz = settings.root.cutoff_hz
+    velocity, commands = command_velocities(clip.root_pos_w, clip.root_quat_w, clip.fps)
+    root = np.concatenate([clip.root_pos_w, rotation.make_continuous(clip.root_quat_w)], axis=1)
+    smooth_root = time_series.smooth(root, clip.fps, cutoff_hz)
     return Motion(
         clip=clip,
         robot=robot,
@@ -160,11 +163,11 @@ def motion_of(
         contacts=contact_from_sole(sole, settings.contact) if clip.contacts is None else clip.contacts,
         labelled=clip.contacts is not None,
         contact=settings.contact,
-        velocity=command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps),
-        commands=command_velocity_over_time(clip.root_pos_w, clip.root_quat_w, clip.fps),
+        velocity=velocity,
+        commands=commands,
         cutoff_hz=cutoff_hz,
-        smooth_root_pos_w=time_series.smooth(clip.root_pos_w, clip.fps, cutoff_hz),
-        smooth_root_quat_w=time_series.smooth_quat(clip.root_quat_w, clip.fps, cutoff_hz),
+        smooth_root_pos_w=smooth_root[:, :3].copy(),
+        smooth_root_quat_w=rotation.normalize(smooth_root[:, 3:]),
         reference=reference,
         no_reference=no_reference,
         least_frames=round(settings.cut.share_s * FPS),

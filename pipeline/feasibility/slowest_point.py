@@ -30,19 +30,21 @@ def distance_from_zero(points: Float[np.ndarray, "*n c 2"], taken: Bool[np.ndarr
     The nearest point of the hull is a point, lies on the line between two, or is zero within a triangle of three.
     """
     best = np.where(taken, np.linalg.norm(points, axis=-1), np.inf).min(axis=-1)
-    for pair in combinations(range(points.shape[-2]), 2):
-        start, end = (points[..., one, :] for one in pair)
-        way = end - start
-        share = -np.sum(start * way, axis=-1) / np.maximum(np.sum(way**2, axis=-1), 1e-12)
-        nearest = start + np.clip(share, 0.0, 1.0)[..., None] * way
-        both = taken[..., list(pair)].all(axis=-1)
-        best = np.where(both, np.minimum(best, np.linalg.norm(nearest, axis=-1)), best)
-    for three in combinations(range(points.shape[-2]), 3):
-        turns = np.stack(
-            [_cross(points[..., three[one], :], points[..., three[one - 2], :]) for one in range(3)], axis=-1
-        )
-        holds_zero = np.all(turns > 0.0, axis=-1) | np.all(turns < 0.0, axis=-1)
-        best = np.where(holds_zero & taken[..., list(three)].all(axis=-1), 0.0, best)
+    corners = range(points.shape[-2])
+    pairs, threes = list(combinations(corners, 2)), list(combinations(corners, 3))
+    first, second = np.array(pairs).reshape(-1, 2).T
+    start, end = points[..., first, :], points[..., second, :]
+    way = end - start
+    share = -np.sum(start * way, axis=-1) / np.maximum(np.sum(way**2, axis=-1), 1e-12)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * way
+    both = taken[..., first] & taken[..., second]
+    best = np.minimum(best, np.where(both, np.linalg.norm(nearest, axis=-1), np.inf).min(axis=-1, initial=np.inf))
+    turns = _cross(start, end)
+    for one, two, three in threes:
+        around = turns[..., [pairs.index((one, two)), pairs.index((two, three)), pairs.index((one, three))]]
+        around[..., 2] *= -1.0
+        holds_zero = np.all(around > 0.0, axis=-1) | np.all(around < 0.0, axis=-1)
+        best = np.where(holds_zero & taken[..., one] & taken[..., two] & taken[..., three], 0.0, best)
     return best
 
 

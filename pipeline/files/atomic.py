@@ -1,6 +1,6 @@
 """Writes that are whole or not there: aside, synced, then renamed, and the rename synced.
 
-The memo of the batch layer does without: an answer that is lost is asked again (`pipeline.batch.store`).
+The memo of the batch layer and its blobs do without: what is lost or torn by a power cut is made again.
 """
 
 from __future__ import annotations
@@ -18,30 +18,31 @@ READABLE = 0o644
 """Permissions of a file that is written: everybody may read it."""
 
 
-def write_bytes(path: Path, data: bytes, mode: int = READABLE) -> None:
+def write_bytes(path: Path, data: bytes, mode: int = READABLE, *, synced: bool = True) -> None:
     """`write_parts` of one part."""
-    write_parts(path, [data], mode)
+    write_parts(path, [data], mode, synced=synced)
 
 
-def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE) -> None:
+def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE, *, synced: bool = True) -> None:
     """Write `parts`, one after the other, to `path` so that a reader sees the old file or the new one, never a part.
 
     The new name is on the disk when this returns, so that what is written later can't survive a power cut that this
-    does not. Raises FileError (with the free space) when the disk refuses, and what `parts` raises; the old file
-    stays then, unless it was the folder that could not be synced.
+    does not; without `synced` a power cut may tear or lose it. Raises FileError (with the free space) when the disk
+    refuses, and what `parts` raises; the old file stays then, unless it was the folder that could not be synced.
     """
     aside: str | None = None
     try:
-        made = _missing_folders(path.parent)
+        made = _missing_folders(path.parent) if synced else []
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         with os.fdopen(handle, "wb") as stream:
             stream.writelines(parts)
-            stream.flush()
-            os.fsync(stream.fileno())
+            if synced:
+                stream.flush()
+                os.fsync(stream.fileno())
         Path(aside).chmod(mode)
         Path(aside).replace(path)
-        for folder in (path.parent, *(each.parent for each in made)):
+        for folder in (path.parent, *(each.parent for each in made)) if synced else ():
             _sync_folder(folder)
     except BaseException as error:
         if aside is not None:

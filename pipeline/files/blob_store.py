@@ -81,10 +81,13 @@ class BlobStore:
             return False
 
     def put(self, data: bytes) -> str:
-        """Store `data`, also over a blob of that name that was damaged; its digest."""
+        """Store `data`, also over a blob of that name that was damaged; its digest.
+
+        It is not forced to the disk: one that a power cut tears does not have its name's digest, and is made again.
+        """
         blob = digest.of_bytes(data)
         if not self.is_whole(blob):
-            atomic.write_bytes(self.path(blob), data)
+            atomic.write_bytes(self.path(blob), data, synced=False)
         if self.remote is not None:
             self.remote.put(data)
         return blob

@@ -191,26 +191,26 @@ def command_velocity(
 
     The heading is the twist of the root about the vertical, so that tilting doesn't turn it.
     """
-    if len(root_pos_w) < 2:
-        return CommandVelocity(forward_m_s=0.0, lateral_m_s=0.0, yaw_rate_rad_s=0.0)
-    yaw, velocity = _in_heading_frame(root_pos_w, root_quat_w, fps)
-    turned = float(yaw[-1] - yaw[0]) * fps / (len(yaw) - 1)
-    return CommandVelocity(
-        forward_m_s=float(velocity[:, 0].mean()), lateral_m_s=float(velocity[:, 1].mean()), yaw_rate_rad_s=turned
-    )
+    return command_velocities(root_pos_w, root_quat_w, fps)[0]
 
 
-def command_velocity_over_time(
+def command_velocities(
     root_pos_w: Float[np.ndarray, "t 3"], root_quat_w: Float[np.ndarray, "t 4"], fps: float
-) -> Float[np.ndarray, "t 3"]:
-    """Forward and lateral velocity [m/s] and yaw rate [rad/s] at each frame, as a mean over `STRIDE_S` about it.
+) -> tuple[CommandVelocity, Float[np.ndarray, "t 3"]]:
+    """Means as in `command_velocity`; forward and lateral velocity [m/s] and yaw rate [rad/s] at each frame, as a mean
+    over `STRIDE_S` about it.
 
     The velocity is turned into the heading frame first, so that walking on a curve loses nothing. At the ends of the
     motion the window shrinks to the half that is there.
     """
     yaw, velocity = _in_heading_frame(root_pos_w, root_quat_w, fps)
     command = np.concatenate([velocity[:, :2], time_series.derivative(yaw, fps)[:, None]], axis=1)
-    return time_series.moving_mean(command, 2 * round(STRIDE_S * fps / 2.0) + 1)
+    over_time = time_series.moving_mean(command, 2 * round(STRIDE_S * fps / 2.0) + 1)
+    if len(root_pos_w) < 2:
+        return CommandVelocity(forward_m_s=0.0, lateral_m_s=0.0, yaw_rate_rad_s=0.0), over_time
+    turned = float(yaw[-1] - yaw[0]) * fps / (len(yaw) - 1)
+    forward, lateral = (float(velocity[:, axis].mean()) for axis in range(2))
+    return CommandVelocity(forward_m_s=forward, lateral_m_s=lateral, yaw_rate_rad_s=turned), over_time
 
 
 def _in_heading_frame(root_pos_w: np.ndarray, root_quat_w: np.ndarray, fps: float) -> tuple[np.ndarray, np.ndarray]:

@@ -41,6 +41,14 @@ class Tree:
             link = int(self.parent[link])
         return found
 
+    @cached_property
+    def levels(self) -> tuple[Int[np.ndarray, " n"], ...]:
+        """Links other than the root, by how many joints are between them and the root."""
+        depth = np.zeros(len(self.parent), dtype=int)
+        for link in range(1, len(depth)):
+            depth[link] = depth[self.parent[link]] + 1
+        return tuple(np.flatnonzero(depth == level) for level in range(1, depth.max() + 1))
+
     def joint_axes_root(self) -> Float[np.ndarray, "j 3"]:
         """Axis of each joint in the root frame, all joints at zero, in the robot's joint order."""
         count = len(self.link_names) - 1
@@ -57,15 +65,16 @@ def forward(
     joint_pos: Float[np.ndarray, "t j"],
 ) -> tuple[Float[np.ndarray, "t l 3"], Float[np.ndarray, "t l 4"]]:
     """Positions [m] and orientations (wxyz) of all links, world frame; joint positions in rad."""
-    pos, quat = [root_pos_w], [root_quat_w]
+    pos, quat = (np.empty((len(tree.parent), *root.shape)) for root in (root_pos_w, root_quat_w))
+    pos[0], quat[0] = root_pos_w, root_quat_w
     angles = joint_pos[:, tree.joint[1:]].T.copy()  # contiguous frames per link: twice as fast
     turns = rotation.from_axis_angle(tree.axis[1:, None], angles)
     in_parent = rotation.multiply(tree.quat[1:, None], turns)
-    for link in range(1, len(tree.link_names)):
-        parent = tree.parent[link]
-        pos.append(pos[parent] + rotation.rotate(quat[parent], tree.pos[link]))
-        quat.append(rotation.multiply(quat[parent], in_parent[link - 1]))
-    return np.stack(pos, axis=1), np.stack(quat, axis=1)
+    for links in tree.levels:
+        parent = tree.parent[links]
+        pos[links] = pos[parent] + rotation.rotate(quat[parent], tree.pos[links, None])
+        quat[links] = rotation.multiply(quat[parent], in_parent[links - 1])
+    return pos.swapaxes(0, 1).copy(), quat.swapaxes(0, 1).copy()
 
 
 @dataclass(frozen=True, kw_only=True)

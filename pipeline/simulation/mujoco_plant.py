@@ -10,7 +10,7 @@ contact and solver.
 from __future__ import annotations
 
 import copy
-import functools
+import threading
 from dataclasses import dataclass
 
 import mujoco
@@ -184,8 +184,7 @@ class SelfCollision:
 
 def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
     """Overlap of shapes of links that are not parent and child; without the ground."""
-    model = _collision_model(robot.mjcf)
-    data = mujoco.MjData(model)
+    model, data = _collision_model(robot.mjcf)
     qpos = np.concatenate([clip.root_pos_w, clip.root_quat_w, clip.joint_pos], axis=1)
     depth = np.zeros(clip.frame_count)
     pairs: list[tuple[str, str] | None] = [None] * clip.frame_count
@@ -201,10 +200,17 @@ def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
     return SelfCollision(depth=depth, pairs=tuple(pairs))
 
 
-@functools.lru_cache(maxsize=4)
-def _collision_model(mjcf: str) -> mujoco.MjModel:
-    """The compiled model of a robot, not to be changed: compiling takes longer than a short clip."""
-    return compiled(mjcf)
+def _collision_model(mjcf: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """The compiled model of a robot, not to be changed, and data of this thread's own: making either takes longer than
+    a short clip."""
+    known = _COLLISION.__dict__.setdefault("models", {})
+    if mjcf not in known:
+        model = compiled(mjcf)
+        known[mjcf] = (model, mujoco.MjData(model))
+    return known[mjcf]
+
+
+_COLLISION = threading.local()
 
 
 def added_moments(robot: Robot) -> dict[str, Float[np.ndarray, "3 3"]]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import signal
 
 from pipeline import rotation, time_series
 
@@ -67,3 +68,18 @@ def test_runs_mark_exactly_the_frames_that_hold(flags):
         assert start < stop
         mask[start:stop] = True
     assert mask.tolist() == flags
+
+
+@pytest.mark.parametrize("shape", [(2,), (3, 2), (60, 3), (200, 4, 3)])
+def test_a_derivative_has_the_bits_of_numpys_gradient(shape):
+    values = np.random.default_rng(0).normal(size=shape)
+    np.testing.assert_array_equal(time_series.derivative(values, 50.0), np.gradient(values, 1.0 / 50.0, axis=0))
+
+
+@pytest.mark.parametrize("frames", [7, 15, 16, 40, 300])
+def test_smoothing_has_the_bits_of_scipys_filter_forward_and_back(frames):
+    values = np.random.default_rng(0).normal(size=(frames, 2, 3)).cumsum(axis=0)
+    raised = 50.0 / np.pi * np.arctan(np.tan(np.pi * 10.0 / 50.0) / (np.sqrt(2.0) - 1.0) ** 0.25)
+    sections = signal.butter(2, raised, fs=50.0, output="sos")
+    wanted = signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=min(15, frames - 1))
+    np.testing.assert_array_equal(time_series.smooth(values, 50.0, 10.0), wanted)

@@ -1,15 +1,18 @@
 """The 79 numbers of a frame against differences, against MuJoCo and against what a circle must give."""
 
 import dataclasses
+import json
 
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pipeline import rotation
 from pipeline.errors import ClipError
 from pipeline.expert import columns, expert_frames
-from pipeline.expert.frames import rounded
+from pipeline.expert.frames import numbers_text, rounded
 from pipeline.expert.write import loop_mode
 from pipeline.robot import Robot, mujoco_model
 from tests.factories.robot_clips import standing, wandering
@@ -90,3 +93,25 @@ def test_a_clip_of_another_rate_or_robot_or_of_one_frame_is_refused(robot: Robot
         expert_frames(dataclasses.replace(clip, joint_names=clip.joint_names[::-1]), robot)
     with pytest.raises(ClipError, match="less than two frames"):
         expert_frames(clip.cut(0, 1, "one"), robot)
+
+
+DECIMAL = st.builds(lambda number, digits: number / 10**digits, st.integers(-(10**12), 10**12), st.integers(0, 8))
+SMALL = st.builds(lambda number, digits: number / 10**digits, st.integers(-20_000, 20_000), st.integers(4, 8))
+"""Numbers that Python writes with an exponent, and those next to them."""
+
+
+@given(st.lists(st.tuples(DECIMAL, SMALL, SMALL), min_size=1, max_size=40))
+def test_the_text_of_frames_is_that_of_pythons_json(frames):
+    wanted = ",\n".join(json.dumps(frame, separators=(",", ":")) for frame in frames)
+    assert numbers_text(np.array(frames)) == wanted.encode()
+
+
+def test_all_small_numbers_are_written_as_python_writes_them():
+    frames = np.arange(1, 20_000)[:, None] / [1e5, 1e6, 1e8] * [1.0, -1.0, 1.0]
+    wanted = ",\n".join(json.dumps(frame, separators=(",", ":")) for frame in frames.tolist())
+    assert numbers_text(frames) == wanted.encode()
+
+
+def test_a_number_that_is_not_finite_is_not_written():
+    with pytest.raises(ValueError, match="not finite"):
+        numbers_text(np.array([[0.0, np.nan]]))

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage
-from pipeline.feasibility.balance import BalanceError, effective_seconds
+from pipeline.feasibility.balance import WITHIN_A_TAKE, BalanceError, effective_seconds
 from pipeline.feasibility.command_space import by_command
 from pipeline.files import settings
 
@@ -232,3 +232,17 @@ def test_a_cell_that_has_less_than_it_needs_is_said_however_its_seconds_lie(near
     assert left["seconds"].tolist() == pytest.approx([0.8])
     assert "No clip walks left faster than 0.4 m/s." in found.missing
     assert not any("walks right" in sentence or "walks forward" in sentence for sentence in found.missing)
+
+
+def test_effective_seconds_are_those_of_a_table_grouped_by_family_and_take():
+    rng, count = np.random.default_rng(0), 400
+    names = [
+        f"take{take}{ending}" for take in range(30) for ending in ("", "~mirror", "@0-90", "@90-180", "+1", "+2~x0.9")
+    ]
+    rows = pd.DataFrame({"clip": rng.choice(names, count), "seconds": rng.uniform(0.1, 5.0, count)})
+    rows = rows.assign(family=rows["clip"].str.extract(r"take(\d)")[0])
+    weight = rng.uniform(0.0, 2.0, count)
+    take = rows["clip"].str.replace(WITHIN_A_TAKE, "", regex=True)
+    own = rows.assign(take=take).groupby(["family", "take"])["seconds"].sum().groupby(level=0).max()
+    of_family = rows.assign(weight=weight).groupby("family")["weight"].sum()
+    assert effective_seconds(rows, weight) == pytest.approx(weight.sum() ** 2 / (of_family**2 / own).sum(), rel=1e-12)

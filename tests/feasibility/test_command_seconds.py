@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from pipeline import rotation
-from pipeline.feasibility.command_space import by_command, command_seconds_text
-from pipeline.quality.planar_motion import command_velocity_over_time
+from pipeline.feasibility.command_space import BOX, by_command, command_seconds_text
+from pipeline.quality.planar_motion import command_velocities
 
 
 def _row(clip: str, seconds: float, commands: list[list[float]] | None = None, fps: float = 50.0) -> dict:
@@ -22,7 +22,7 @@ def test_on_a_circle_the_command_is_the_same_everywhere():
     yaw = 1.5 * times_s
     radius = 0.8 / 1.5
     path = np.stack([radius * np.sin(yaw), -radius * np.cos(yaw), np.full(200, 0.6)], axis=1)
-    found = command_velocity_over_time(path, rotation.about_z(yaw), 50.0)
+    _, found = command_velocities(path, rotation.about_z(yaw), 50.0)
     inner = found[30:-30]
     np.testing.assert_allclose(inner, np.broadcast_to([0.8, 0.0, 1.5], inner.shape), atol=2e-3)
     np.testing.assert_allclose(found, np.broadcast_to([0.8, 0.0, 1.5], found.shape), atol=0.02)
@@ -31,7 +31,7 @@ def test_on_a_circle_the_command_is_the_same_everywhere():
 def test_sway_over_a_stride_is_no_command():
     times_s = np.arange(250) / 50.0
     path = np.stack([0.5 * times_s, 0.03 * np.sin(2.0 * np.pi * times_s), np.full(250, 0.6)], axis=1)
-    found = command_velocity_over_time(path, rotation.about_z(np.zeros(250)), 50.0)
+    _, found = command_velocities(path, rotation.about_z(np.zeros(250)), 50.0)
     assert np.abs(found[25:-25, 1]).max() < 0.01
     np.testing.assert_allclose(found[:, 0], 0.5)
 
@@ -52,3 +52,11 @@ def test_seconds_of_a_clip_add_up_to_its_own_whether_it_carries_commands_or_not(
 def test_a_table_without_clips_has_no_seconds():
     empty = pd.DataFrame([_row("carries", 3.0)]).iloc[:0]
     assert by_command(empty).empty
+
+
+def test_boxes_are_those_of_numpys_unique_rows_in_their_order():
+    commands = np.random.default_rng(0).normal(0.0, [0.8, 0.3, 0.9], size=(2_000, 3))
+    boxes, frames = np.unique(np.floor(commands / BOX + 1e-9).astype(int), axis=0, return_counts=True)
+    found = np.array(json.loads(command_seconds_text(commands, 50.0)))
+    np.testing.assert_allclose(found[:, :3], (boxes + 0.5) * BOX, atol=1e-3)
+    np.testing.assert_allclose(found[:, 3], frames / 50.0, atol=1e-9)
