@@ -14,9 +14,9 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.errors import FileError, PipelineError
 from pipeline.files.csv_json import without_nan
+from pipeline.quality.planar_motion import leg_length
 from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES
-from pipeline.viewing.human_figure import leg_length
 
 WINDOW_NUMBERS = ("skill", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
 
