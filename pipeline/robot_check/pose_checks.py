@@ -1,7 +1,5 @@
 """The default pose: on the ground, free of contact, in balance, and held by the gains."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What disturbs a rollout, drawn from a seed: pushes, friction, mass, gains, delay, start offset, action noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

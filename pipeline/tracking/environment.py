@@ -1,7 +1,5 @@
 """The environment that a tracker is trained in: mjlab's tracking task on the robot of a bundle, with many clips."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

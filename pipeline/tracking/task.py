@@ -1,7 +1,5 @@
 """What training on a GPU and rollouts on a CPU have in common: rates, action, order of the observation."""
 
-from __future__ import annotations
-
 CONTROL_HZ = 50.0
 """Rate of the tracker, and of the clips it tracks [Hz]."""
 
