@@ -10,26 +10,23 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from mcap.opcode import Opcode
+from mcap.records import Metadata
+
 from pipeline.hardware_logs.log_report import Bounds, LogReport, Loss
-from pipeline.hardware_logs.mcap_channels import Channels, Summary, read_summary
-from pipeline.hardware_logs.mcap_chunk import (
-    ATTACHMENT,
-    CHANNEL,
-    CHUNK,
+from pipeline.hardware_logs.mcap_records import (
     CHUNK_HEAD,
-    DATA_END,
-    HEADER,
+    DEFINITIONS,
     MAGIC,
-    MESSAGE,
     MESSAGE_HEAD,
-    MESSAGE_INDEX,
-    METADATA,
     RECORD_HEAD,
-    SCHEMA,
-    Cursor,
+    Channels,
+    Fields,
     Records,
+    Summary,
     cut,
     open_chunk,
+    read_summary,
 )
 
 KINDS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
@@ -57,7 +54,9 @@ class Resync:
 
     def message(self, start: int, lengths: Iterable[tuple[int, int]]) -> int | None:
         """First place that begins as a message does that was met before: of such a length and channel."""
-        heads = [MESSAGE_HEAD.pack(MESSAGE, length, channel, 0, 0, 0)[:HEAD_BYTES] for length, channel in lengths]
+        heads = [
+            MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel, 0, 0, 0)[:HEAD_BYTES] for length, channel in lengths
+        ]
         return next(self._find(heads, start), None)
 
     def _first_chunk(self, places: Iterable[int]) -> int | None:
@@ -73,7 +72,7 @@ class Resync:
         self._stream.seek(at)
         head = self._stream.read(RECORD_HEAD.size)
         opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
-        if opcode != CHUNK or length > min(Bounds.record_bytes, self._size - at):
+        if opcode != Opcode.CHUNK or length > min(Bounds.record_bytes, self._size - at):
             return False
         try:
             return open_chunk(self._stream.read(length), Bounds.record_bytes)[1]
@@ -132,7 +131,7 @@ class McapReader:
             head = self._bytes(at, HEAD)
             self.report.offset = at
             opcode, length = RECORD_HEAD.unpack(head) if len(head) == HEAD else (0, 0)
-            if opcode == DATA_END and length == 4:
+            if opcode == Opcode.DATA_END and length == 4:
                 yield from self._end(at)
                 return
             if not self._is_record(opcode, length, at):
@@ -141,15 +140,15 @@ class McapReader:
                 if found is None:
                     return
                 at = found
-            elif opcode in (MESSAGE, SCHEMA, CHANNEL):
+            elif opcode in (Opcode.MESSAGE, *DEFINITIONS):
                 records = cut(self._bytes(at, max(BLOCK, HEAD + length)), whole=False)
                 self._note_bare(records)
                 yield from self._take(records, at)
                 at += records.end or HEAD + length
             else:
-                if opcode == CHUNK:
+                if opcode == Opcode.CHUNK:
                     yield from self._chunk(at, length)
-                elif opcode == METADATA:
+                elif opcode == Opcode.METADATA:
                     yield from self._metadata(at, length)
                 at += HEAD + length
 
@@ -163,12 +162,14 @@ class McapReader:
         """Whether a record of the data section may start here."""
         if length > min(Bounds.record_bytes, self._size - at - HEAD):
             return False
-        if opcode == MESSAGE_INDEX:
-            content = self._bytes(at + HEAD, 6)
-            return length >= 6 and Cursor(content).numbers("HI")[1] == length - 6 and (length - 6) % 16 == 0
-        if opcode == HEADER:
+        if opcode == Opcode.MESSAGE_INDEX:
+            size = int.from_bytes(self._bytes(at + HEAD + 2, 4), "little")
+            return length >= 6 and size == length - 6 and size % 16 == 0
+        if opcode == Opcode.HEADER:
             return at == len(MAGIC)
-        return opcode in (SCHEMA, CHANNEL, CHUNK, ATTACHMENT, METADATA) or (opcode == MESSAGE and length >= 22)
+        if opcode == Opcode.MESSAGE:
+            return length >= 22
+        return opcode in (*DEFINITIONS, Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA)
 
     def _bytes(self, at: int, size: int) -> bytes:
         self._stream.seek(at)
@@ -216,19 +217,18 @@ class McapReader:
             yield records
 
     def _metadata(self, at: int, length: int) -> Iterator[Loss]:
-        cursor = Cursor(self._bytes(at + HEAD, length))
         try:
-            name, values = cursor.text(), cursor.text_map()
+            found = Metadata.read(Fields(self._bytes(at + HEAD, length)))
         except ValueError:
             yield self.report.lose(at, "a metadata record that can't be read")
             return
-        if self.metadata.setdefault(name, values) != values:
-            self.contradicted.add(name)
+        if self.metadata.setdefault(found.name, found.metadata) != found.metadata:
+            self.contradicted.add(found.name)
 
     def _end(self, at: int) -> Iterator[Loss]:
         """Hold what was read against the checksum of the whole and against the statistics."""
         self.report.ended = True
-        (crc,) = Cursor(self._bytes(at + HEAD, 4)).numbers("I")
+        crc = int.from_bytes(self._bytes(at + HEAD, 4), "little")
         if crc and self.report.unchecked:
             self.report.whole_checked = self._crc(at) == crc
             if not self.report.whole_checked:

@@ -11,8 +11,8 @@ from pipeline.hardware_logs.decode import JointCount, SchemaError, TopicDecoder
 from pipeline.hardware_logs.layout import LogSettings
 from pipeline.hardware_logs.log_facts import StatedFacts
 from pipeline.hardware_logs.log_report import LogReport, Loss, stretches
-from pipeline.hardware_logs.mcap_chunk import Records
 from pipeline.hardware_logs.mcap_reader import McapReader
+from pipeline.hardware_logs.mcap_records import Records
 from pipeline.hardware_logs.messages import TOPICS
 from pipeline.hardware_logs.plausible import Plausible, SensorWatch
 from pipeline.hardware_logs.regular import Block, Regular, Stretched

@@ -23,12 +23,10 @@ from pipeline.viewing.human_figure import human_figure
 from pipeline.viewing.projection import (
     CONTACT,
     DPI,
-    TriangleArtist,
+    Text,
     Triangles,
-    blank_canvas,
     ground_triangles,
-    one_above_the_other,
-    pixels,
+    picture,
     pose_triangles,
     save_gif,
     with_palette,
@@ -101,7 +99,7 @@ class _Drawing:
     def __init__(self, width: float, dots_per_m: float) -> None:
         self.width, self.dots_per_m = width, dots_per_m
         self.layers: list[Triangles] = []
-        self.texts: list[tuple[float, float, str, dict]] = []
+        self.texts: list[Text] = []
         self.low = 0.0
 
     def add_strip(self, strip: Strip, rows: list[Figure], robot: Robot | None, poses: int) -> None:
@@ -147,12 +145,10 @@ class _Drawing:
         """The picture so far."""
         height = max(-self.low, 0.3)
         dots = (self.width * self.dots_per_m, height * self.dots_per_m)
-        canvas, axes = blank_canvas(dots, (0.0, self.width), (-height, 0.0))
-        axes.add_artist(TriangleArtist(one_above_the_other(self.layers)))
-        for x, y, text, style in self.texts:
-            axes.text(x, y, text, parse_math=False, **{"va": "bottom", **style})  # a name may hold a $
+        texts = [(x, y, text, {"va": "bottom", **style}) for x, y, text, style in self.texts]
+        shown = picture(dots, (0.0, self.width), (-height, 0.0), self.layers, texts)
         stream = io.BytesIO()
-        with_palette(pixels(canvas), PALETTE).save(stream, "png")
+        with_palette(shown, PALETTE).save(stream, "png")
         return stream.getvalue()
 
 
@@ -210,12 +206,10 @@ def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0) -> bytes:
     frames = [figure.frame_at(float(time_s)) for time_s in np.arange(start_s, stop_s, 1.0 / GIF_FPS)] or [0]
     height = ROBOT_HEIGHT_SHARE * robot.default_root_height + 0.1
     heading = float(figure.heading[frames[0]])
-    pictures, dots = [], (1.2 * POSE_WIDTH * GIF_DOTS_PER_M, height * GIF_DOTS_PER_M)
-    for frame in frames:
-        triangles = one_above_the_other([ground_triangles(0.45), pose_triangles(figure, frame, heading)])
-        canvas, axes = blank_canvas(dots, (-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), (-0.12, height - 0.12))
-        axes.add_artist(TriangleArtist(triangles))
-        pictures.append(pixels(canvas))
+    dots = (1.2 * POSE_WIDTH * GIF_DOTS_PER_M, height * GIF_DOTS_PER_M)
+    across, up = (-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), (-0.12, height - 0.12)
+    ground = ground_triangles(0.45)
+    pictures = [picture(dots, across, up, [ground, pose_triangles(figure, frame, heading)]) for frame in frames]
     stream = io.BytesIO()
     save_gif(stream, pictures, GIF_FPS, GIF_COLOURS)
     return stream.getvalue()
