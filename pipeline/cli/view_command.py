@@ -21,7 +21,7 @@ from pipeline.files.shown_text import markdown_list
 from pipeline.readers import Statement
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.robot import Robot
-from pipeline.viewing.contact_sheet import Strip, contact_sheet, worst_clips_sheet
+from pipeline.viewing.contact_sheet import contact_sheet, worst_clips_sheet
 from pipeline.viewing.playlist import Playlist, Shown
 
 
@@ -118,10 +118,7 @@ def picture(clips: Playlist, robot: Robot, count: int) -> bytes:
     if len(shown) == 1:
         (only,) = shown
         return contact_sheet(only.human, only.robot_clip, robot, count, only.reference)
-    strips = [
-        Strip(title=each.name, human=each.human, reference=each.reference, robot_clip=each.robot_clip) for each in shown
-    ]
-    return worst_clips_sheet(strips, robot, count)
+    return worst_clips_sheet(shown, robot, count)
 
 
 def curate(args: Curate) -> int:

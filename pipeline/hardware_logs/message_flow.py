@@ -108,7 +108,7 @@ class MessageFlow:
         if self.robot is not None:
             self._write(self._regular.finish())
             if not (forward and self._lost_before):
-                self._command.forget_origin()
+                self._command.origin_ns = None
 
     def _topics(self, records: Records, index: np.ndarray) -> None:
         channel = records.channel[index]

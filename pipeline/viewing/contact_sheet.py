@@ -6,10 +6,10 @@ the clip's label says that the foot is on the ground. `worst_clips` shows the cl
 the reasons; `walk_gif` a robot clip as a short animation from the same point of view.
 """
 
+import dataclasses
 import io
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.viewing.figure import Figure
-from pipeline.viewing.human_figure import human_figure
+from pipeline.viewing.playlist import Shown
 from pipeline.viewing.projection import (
     CONTACT,
     DPI,
@@ -49,19 +49,6 @@ ROBOT_HEIGHT_SHARE = 1.85
 """Height of a standing robot / height of its root link; T1: 1.23 m / .68 m."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Strip:
-    """One clip of a sheet."""
-
-    title: str
-    human: HumanClip | None = None
-    reference: RobotClip | None = None
-    """What a rollout tracked."""
-    robot_clip: RobotClip | None = None
-    note: str = ""
-    """Why it is shown, cut after two lines."""
-
-
 def contact_sheet(
     human: HumanClip | None,
     robot_clip: RobotClip | None,
@@ -77,19 +64,15 @@ def contact_sheet(
     clip = robot_clip or human
     if clip is None:
         raise ValueError("a contact sheet needs a human clip or a robot clip")
-    strip = Strip(title=clip.name, human=human, reference=reference, robot_clip=robot_clip)
-    return worst_clips_sheet([strip], robot, poses, dots_per_m=105)
+    shown = Shown(name=clip.name, human=human, reference=reference, robot_clip=robot_clip)
+    return worst_clips_sheet([shown], robot, poses, dots_per_m=105)
 
 
-def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int = 8, dots_per_m: float = 70) -> bytes:
-    """PNG of several clips, one below the other, each as in `contact_sheet` under its title."""
+def worst_clips_sheet(clips: Sequence[Shown], robot: Robot | None, poses: int = 8, dots_per_m: float = 70) -> bytes:
+    """PNG of several clips, one below the other, each as in `contact_sheet` under its name and note."""
     drawn = _Drawing(poses * POSE_WIDTH, dots_per_m)
-    for strip in strips:
-        rows = [human_figure(strip.human)] if strip.human is not None else []
-        for clip, name in ((strip.reference, "reference"), (strip.robot_clip, "")):
-            if clip is not None and robot is not None:
-                rows.append(robot_figure(clip, robot, name))
-        drawn.add_strip(strip, rows, robot, poses)
+    for shown in clips:
+        drawn.add_clip(shown, robot, poses)
     return drawn.png()
 
 
@@ -102,11 +85,12 @@ class _Drawing:
         self.texts: list[Text] = []
         self.low = 0.0
 
-    def add_strip(self, strip: Strip, rows: list[Figure], robot: Robot | None, poses: int) -> None:
+    def add_clip(self, shown: Shown, robot: Robot | None, poses: int) -> None:
+        rows = dataclasses.replace(shown, robot=robot).figures()
         duration_s = max((figure.duration_s for figure in rows), default=0.0)
         times_s = np.linspace(0.0, duration_s, poses) if poses > 1 else np.zeros(1)
-        self._add_line(f"{strip.title}, {duration_s:.1f} s", 8.0, "#000000")
-        for line in textwrap.wrap(strip.note, self._room(6.5), max_lines=2, placeholder=" …"):
+        self._add_line(f"{shown.name}, {duration_s:.1f} s", 8.0, "#000000")
+        for line in textwrap.wrap(shown.note, self._room(6.5), max_lines=2, placeholder=" …"):
             self._add_line(line, 6.5, "#8c2d04")
         for figure in rows:
             height = HUMAN_HEIGHT
@@ -180,8 +164,8 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
         clip = entry_clip(store, entries[row.clip])
         why = next((reason["text"] for reason in row.reasons if reason["effect"] == "rejected"), "")
         strips.append(
-            Strip(
-                title=row.clip,
+            Shown(
+                name=row.clip,
                 note=why,
                 human=clip if isinstance(clip, HumanClip) else None,
                 robot_clip=clip if isinstance(clip, RobotClip) else None,

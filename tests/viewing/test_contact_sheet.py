@@ -10,9 +10,10 @@ from PIL import Image
 
 from pipeline import rotation
 from pipeline.viewing import projection
-from pipeline.viewing.contact_sheet import Strip, contact_sheet, worst_clips_sheet
+from pipeline.viewing.contact_sheet import contact_sheet, worst_clips_sheet
 from pipeline.viewing.figure import Figure, Part, Shape
 from pipeline.viewing.human_figure import human_figure
+from pipeline.viewing.playlist import Shown
 from pipeline.viewing.plots import lost_seconds
 from tests.factories.figures import gliding_human, standing_robot, tumbling_robot
 
@@ -90,7 +91,7 @@ def test_a_frame_without_any_joint_is_called_missing():
 
 def test_several_clips_are_stacked_in_one_picture_that_is_still_small(robot):
     strips = [
-        Strip(title=f"clip {index}", note="torque 61 N m at the knee, 40 allowed", robot_clip=tumbling_robot(robot))
+        Shown(name=f"clip {index}", note="torque 61 N m at the knee, 40 allowed", robot_clip=tumbling_robot(robot))
         for index in range(6)
     ]
     one, six = (_pixels(worst_clips_sheet(part, robot)) for part in (strips[:1], strips))
@@ -134,7 +135,7 @@ def test_no_triangle_of_a_person_on_the_ground_is_below_the_sheet_of_ground():
 
 
 def test_a_name_with_signs_of_formulas_is_a_name():
-    strip = Strip(title=r"a $\frac{ b$ <c>", human=gliding_human())
+    strip = Shown(name=r"a $\frac{ b$ <c>", human=gliding_human())
     assert _pixels(worst_clips_sheet([strip], None)).size > 0
     judged = pd.DataFrame([{"clip": r"a $\frac{ b$", "seconds_in": 2.0, "seconds_out": 1.0}])
     assert lost_seconds(judged, "lost")[:4] == b"\x89PNG"

@@ -36,7 +36,7 @@ def test_the_worst_come_first_one_of_each_family_with_its_reason(stages, robot, 
     titles = []
 
     def listed(strips, robot) -> bytes:
-        titles.extend((strip.title, strip.note) for strip in strips)
+        titles.extend((strip.name, strip.note) for strip in strips)
         return b""
 
     monkeypatch.setattr(module, "worst_clips_sheet", listed)
