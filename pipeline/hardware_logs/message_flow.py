@@ -15,8 +15,7 @@ from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.mcap_records import Records
 from pipeline.hardware_logs.messages import TOPICS
 from pipeline.hardware_logs.plausible import Plausible, SensorWatch
-from pipeline.hardware_logs.regular import Block, Regular, Stretched
-from pipeline.hardware_logs.trial_files import TrialFiles
+from pipeline.hardware_logs.regular import Block, Regular, Stretched, TrialFiles
 from pipeline.robot import Robot
 from pipeline.robot.legs import legs_of
 

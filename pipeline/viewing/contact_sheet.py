@@ -49,27 +49,15 @@ ROBOT_HEIGHT_SHARE = 1.85
 """Height of a standing robot / height of its root link; T1: 1.23 m / .68 m."""
 
 
-def contact_sheet(
-    human: HumanClip | None,
-    robot_clip: RobotClip | None,
-    robot: Robot | None,
-    poses: int = 8,
-    reference: RobotClip | None = None,
-) -> bytes:
-    """PNG of `poses` poses from the first frame to the last of a human clip, of a robot clip or of both, and of what
-    a rollout tracked.
+LARGE = 105.0
+"""Dots per metre of a sheet of one clip."""
 
-    `robot` is the one that `robot_clip` is for. Raises ValueError when there is nothing to draw.
+
+def contact_sheet(clips: Sequence[Shown], robot: Robot | None, poses: int = 8, dots_per_m: float = 70.0) -> bytes:
+    """PNG of clips, one below the other under name and note: `poses` poses of each from its first frame to the last.
+
+    `robot` is the one that the robot clips are for.
     """
-    clip = robot_clip or human
-    if clip is None:
-        raise ValueError("a contact sheet needs a human clip or a robot clip")
-    shown = Shown(name=clip.name, human=human, reference=reference, robot_clip=robot_clip)
-    return worst_clips_sheet([shown], robot, poses, dots_per_m=105)
-
-
-def worst_clips_sheet(clips: Sequence[Shown], robot: Robot | None, poses: int = 8, dots_per_m: float = 70) -> bytes:
-    """PNG of several clips, one below the other, each as in `contact_sheet` under its name and note."""
     drawn = _Drawing(poses * POSE_WIDTH, dots_per_m)
     for shown in clips:
         drawn.add_clip(shown, robot, poses)
@@ -171,7 +159,7 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
                 robot_clip=clip if isinstance(clip, RobotClip) else None,
             )
         )
-    return worst_clips_sheet(strips, robot)
+    return contact_sheet(strips, robot)
 
 
 def _lost_s(row: Judged) -> float:

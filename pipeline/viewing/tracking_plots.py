@@ -10,7 +10,7 @@ from pipeline.batch import Entry, Judged, Manifest, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
-from pipeline.viewing.contact_sheet import entry_clip, worst_clips_sheet
+from pipeline.viewing.contact_sheet import contact_sheet, entry_clip
 from pipeline.viewing.playlist import Shown
 from pipeline.viewing.plots import labelled, png
 
@@ -91,7 +91,7 @@ def worst_tracked(
         for row in rows
         if row.clip in motions
     ]
-    return worst_clips_sheet(strips, robot)
+    return contact_sheet(strips, robot)
 
 
 def _strip(row: Judged, reference: RobotClip, rollout: RobotClip) -> Shown:

@@ -10,7 +10,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
 from pipeline.viewing import tracking_plots as module
-from pipeline.viewing.contact_sheet import worst_clips_sheet
+from pipeline.viewing.contact_sheet import contact_sheet
 from pipeline.viewing.playlist import Shown
 from pipeline.viewing.tracking_plots import worst_tracked
 from tests.factories.robot_clips import standing
@@ -69,7 +69,7 @@ def strips_of(tracked, robot: Robot, monkeypatch, most: int = 5) -> tuple[list[S
 
     def listed(drawn, robot) -> bytes:
         strips.extend(drawn)
-        return worst_clips_sheet(drawn, robot)
+        return contact_sheet(drawn, robot)
 
     def to_failure(entries) -> Manifest:
         asked.extend(entry.clip for entry in entries)
@@ -77,7 +77,7 @@ def strips_of(tracked, robot: Robot, monkeypatch, most: int = 5) -> tuple[list[S
         made = tuple(dataclasses.replace(entry, blob=store.put_clip(motion)) for entry in entries)
         return Manifest(stage="motion to failure", entries=made, judged=())
 
-    monkeypatch.setattr(module, "worst_clips_sheet", listed)
+    monkeypatch.setattr(module, "contact_sheet", listed)
     return strips, asked, worst_tracked(rollouts, references, to_failure, store, robot, most)
 
 
