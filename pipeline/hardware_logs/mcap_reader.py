@@ -6,9 +6,8 @@ Every such place is a `Loss` between the records before and after.
 
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO
 
 from mcap.opcode import Opcode
 from mcap.records import Metadata
@@ -38,62 +37,6 @@ MAX_TRIED = 1_000
 """Places of one file that are inflated to see whether they are chunks."""
 
 
-class Resync:
-    """Searches one file; counts what it tried."""
-
-    def __init__(self, stream: BinaryIO, size: int):
-        self._stream, self._size = stream, size
-        self._tried = 0
-
-    def chunk(self, start: int, offsets: Iterable[int]) -> int | None:
-        """First chunk whose checksum holds, at or behind `start`, also at the ascending `offsets`; None without any."""
-        looks = (each - BEFORE for each in self._find(KINDS, start + BEFORE))
-        stated = (each for each in offsets if each >= start)
-        found = [at for places in (looks, stated) if (at := self._first_chunk(places)) is not None]
-        return min(found, default=None)
-
-    def message(self, start: int, lengths: Iterable[tuple[int, int]]) -> int | None:
-        """First place that begins as a message does that was met before: of such a length and channel."""
-        heads = [
-            MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel, 0, 0, 0)[:HEAD_BYTES] for length, channel in lengths
-        ]
-        return next(self._find(heads, start), None)
-
-    def _first_chunk(self, places: Iterable[int]) -> int | None:
-        for at in places:
-            self._tried += 1
-            if self._tried > MAX_TRIED:
-                return None
-            if self._is_chunk(at):
-                return at
-        return None
-
-    def _is_chunk(self, at: int) -> bool:
-        self._stream.seek(at)
-        head = self._stream.read(RECORD_HEAD.size)
-        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
-        if opcode != Opcode.CHUNK or length > min(Bounds.record_bytes, self._size - at):
-            return False
-        try:
-            return open_chunk(self._stream.read(length), Bounds.record_bytes)[1]
-        except ValueError:
-            return False
-
-    def _find(self, patterns: Iterable[bytes], start: int) -> Iterator[int]:
-        """Places of any of the patterns from `start` on, in ascending order."""
-        patterns = tuple(patterns)
-        overlap = max(map(len, patterns), default=1) - 1
-        for block in range(start, self._size, BLOCK):
-            self._stream.seek(block)
-            data, found = self._stream.read(BLOCK + overlap), set()
-            for pattern in patterns:
-                at = data.find(pattern)
-                while 0 <= at < BLOCK:
-                    found.add(block + at)
-                    at = data.find(pattern, at + 1)
-            yield from sorted(found)
-
-
 BLOCK = 1 << 20
 """Bytes of records outside chunks that are read at a time, where they are not longer."""
 HEAD = RECORD_HEAD.size
@@ -109,7 +52,7 @@ class McapReader:
         self.contradicted: set[str] = set()
         """Names of metadata records of which another one says something else."""
         self.summary: Summary | None = None
-        self._inflated = 0
+        self._inflated, self._tried = 0, 0
         self._counts: Counter[int] = Counter()
         self._lengths: set[tuple[int, int]] = set()
         """Record length and channel of messages outside chunks."""
@@ -126,7 +69,7 @@ class McapReader:
             yield from self._walk()
 
     def _walk(self) -> Iterator[Records | Loss]:
-        at, resync = len(MAGIC), Resync(self._stream, self._size)
+        at = len(MAGIC)
         while True:
             head = self._bytes(at, HEAD)
             self.report.offset = at
@@ -135,7 +78,7 @@ class McapReader:
                 yield from self._end(at)
                 return
             if not self._is_record(opcode, length, at):
-                found = self._next(resync, at + 1)
+                found = self._next(at + 1)
                 yield self.report.lose(at, "a damaged record" if found else "the file ends or can't be read further")
                 if found is None:
                     return
@@ -152,11 +95,50 @@ class McapReader:
                     yield from self._metadata(at, length)
                 at += HEAD + length
 
-    def _next(self, resync: Resync, start: int) -> int | None:
-        """Where reading can continue: behind chunks with checksums only at such a chunk."""
+    def _next(self, start: int) -> int | None:
+        """Where reading can continue: behind chunks with checksums only at such a chunk.
+
+        Messages outside chunks are found by their heads: of a length and channel that was met before.
+        """
         if self._lengths and not self.report.checked:
-            return resync.message(start, self._lengths)
-        return resync.chunk(start, self.summary.chunk_offsets if self.summary else ())
+            heads = (MESSAGE_HEAD.pack(Opcode.MESSAGE, length, each, 0, 0, 0) for length, each in self._lengths)
+            return next(self._find([head[:HEAD_BYTES] for head in heads], start), None)
+        looks = (each - BEFORE for each in self._find(KINDS, start + BEFORE))
+        stated = (each for each in (self.summary.chunk_offsets if self.summary else ()) if each >= start)
+        found = [at for places in (looks, stated) if (at := self._first_chunk(places)) is not None]
+        return min(found, default=None)
+
+    def _first_chunk(self, places: Iterable[int]) -> int | None:
+        """The first of the places with a chunk whose checksum holds."""
+        for at in places:
+            self._tried += 1
+            if self._tried > MAX_TRIED:
+                return None
+            if self._is_chunk(at):
+                return at
+        return None
+
+    def _is_chunk(self, at: int) -> bool:
+        head = self._bytes(at, HEAD)
+        opcode, length = RECORD_HEAD.unpack(head) if len(head) == HEAD else (0, 0)
+        if opcode != Opcode.CHUNK or length > min(Bounds.record_bytes, self._size - at):
+            return False
+        try:
+            return open_chunk(self._stream.read(length), Bounds.record_bytes)[1]
+        except ValueError:
+            return False
+
+    def _find(self, patterns: Sequence[bytes], start: int) -> Iterator[int]:
+        """Places of any of the patterns from `start` on, in ascending order."""
+        overlap = max(map(len, patterns), default=1) - 1
+        for block in range(start, self._size, BLOCK):
+            data, found = self._bytes(block, BLOCK + overlap), set()
+            for pattern in patterns:
+                at = data.find(pattern)
+                while 0 <= at < BLOCK:
+                    found.add(block + at)
+                    at = data.find(pattern, at + 1)
+            yield from sorted(found)
 
     def _is_record(self, opcode: int, length: int, at: int) -> bool:
         """Whether a record of the data section may start here."""
