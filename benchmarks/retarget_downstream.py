@@ -5,10 +5,10 @@
         [--seeds 1 2 3] [--workers 0] [--json]
 
 The first command needs GMR and no GPU: files go through reader, catalogue and repair, every fourth recording is held
-out, and both retargeters get the same clips. The second one needs DIR and a GPU: it trains a tracker on each
-retargeter's clips with `python -m pipeline.tracking`, rolls out the held-out clips of the same retargeter in plain
-MuJoCo and writes DIR/table.md. A run that was stopped continues; what is done is not done again. A mirror image of a
-held-out recording must not be among the files.
+out (cut into pieces of 5 s), and both retargeters get the same clips. The second one needs DIR and a GPU: it trains a
+tracker on each retargeter's clips with `python -m pipeline.tracking`, rolls out the held-out clips of the same
+retargeter in plain MuJoCo and writes DIR/table.md. A run that was stopped continues; what is done is not done again. A
+mirror image of a held-out recording must not be among the files.
 
 A clip survives that is followed from its first frame to its last. Each tracker follows its own retargeter's version of
 the held-out clips, since this is what a user of that retargeter would have; the body error is the distance of key links
@@ -21,8 +21,11 @@ import argparse
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -30,41 +33,21 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.gmr import Gmr  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
-from benchmarks.retarget_runs import HandedOn, handed_on, motion_files  # noqa: E402
-from pipeline.actuators.adapted_robot import adapt, read_actuators, torque_envelope, write_adapted_robot  # noqa: E402
-from pipeline.actuators.settings import ActuatorSettings  # noqa: E402
-from pipeline.batch.pool import ClipPool  # noqa: E402
-from pipeline.cli.chain import Chain  # noqa: E402
-from pipeline.cli.project import Project  # noqa: E402
-from pipeline.clips.robot_clip import RobotClip  # noqa: E402
-from pipeline.errors import PipelineError  # noqa: E402
-from pipeline.expert.training_bundle import robot_facts  # noqa: E402
+from pipeline.actuators.adapted_robot import read_actuators, torque_envelope  # noqa: E402
 from pipeline.files import atomic  # noqa: E402
 from pipeline.files import settings as settings_file  # noqa: E402
-from pipeline.retarget import RetargetSettings, process  # noqa: E402
-from pipeline.robot import Robot, load_robot  # noqa: E402
+from pipeline.robot import load_robot  # noqa: E402
 from pipeline.tracking.bundle import read_tracking_bundle  # noqa: E402
-from pipeline.tracking.evaluate import NominalRollout, figures, nominal_rollouts  # noqa: E402
-from pipeline.tracking.export_tracker import clips_of  # noqa: E402
+from pipeline.tracking.nominal_rollout import NominalRollout, clips_of, figures, nominal_rollout  # noqa: E402
 from pipeline.tracking.settings import TrackingSettings  # noqa: E402
-from pipeline.tracking.task import CONTROL_HZ, ITERATIONS  # noqa: E402
+from pipeline.tracking.task import ITERATIONS  # noqa: E402
 from pipeline.tracking.tracker_folder import NETWORK  # noqa: E402
-from pipeline.tracking.write_bundle import write_tracking_bundle  # noqa: E402
 
 OURS, GMR = "ours", "gmr"
 
 ROBOT = "t1"
 """The robot that GMR's worker retargets to."""
-
-HELD_OUT_EVERY = 4
-"""Every so many recordings, in the order of their names, one is held out."""
-
-LICENCE = "as the recordings'; for measuring, no policy of it ships"
-
-Retargeter = Callable[[HandedOn], RobotClip]
-"""A human clip to the robot's motion at `CONTROL_HZ`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,14 +63,14 @@ def main() -> None:
     given = _arguments()
     work: Path = given.work
     if given.paths:
-        chain, robot = Chain(Project(ROOT)), load_robot(ROBOT)
-        clips = handed_on(motion_files(given.paths), chain)
-        gmr = Gmr(python=given.gmr, repo=given.gmr_repo)
-        prepare(clips, {OURS: _ours(robot), GMR: lambda clip: _theirs(clip, gmr, robot)}, work, robot)
+        from benchmarks.gmr import Gmr  # retargeting needs packages that a GPU host does not have
+        from benchmarks.retarget_downstream_clips import prepare_files
+
+        prepare_files(given.paths, Gmr(python=given.gmr, repo=given.gmr_repo), work)
     if given.prepare_only:
         return
     recipe = Recipe(device=given.device, num_envs=given.num_envs, iterations=given.iterations)
-    found = {seed: measured(work, recipe, seed, ClipPool(workers=given.workers)) for seed in given.seeds}
+    found = {seed: measured(work, recipe, seed, given.workers) for seed in given.seeds}
     atomic.write_text(work / "table.md", table(found))
     sys.exit(0 if report(bars_of(found), machine=machine(), json=given.json) else 1)
 
@@ -115,60 +98,13 @@ def _arguments() -> argparse.Namespace:
     return given
 
 
-def _ours(robot: Robot) -> Retargeter:
-    settings = settings_file.read(ROOT / "data/retarget.yaml", RetargetSettings)
-
-    def retargeted(clip: HandedOn) -> RobotClip:
-        (piece,) = process(clip.human, {}, settings=settings, robot=robot).pieces
-        assert isinstance(piece.clip, RobotClip)
-        return piece.clip
-
-    return retargeted
-
-
-def _theirs(clip: HandedOn, gmr: Gmr, robot: Robot) -> RobotClip:
-    return gmr.retarget(clip.human.resampled(CONTROL_HZ), clip.file, robot)[0]
-
-
-def prepare(clips: Sequence[HandedOn], retargeters: Mapping[str, Retargeter], work: Path, robot: Robot) -> None:
-    """Write a bundle to train on and one that is held out for each retargeter, and the robot that both are for.
-
-    `work` gets `adapted_robot` and, for each retargeter, `<name>/trained_on` and `<name>/held_out`. Raises SystemExit
-    where one of them has no clip.
-    """
-    recordings = sorted({clip.file.name for clip in clips})
-    held_out = set(recordings[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY])
-    actuators = adapt(robot, [], settings_file.read(ROOT / "data/actuators.yaml", ActuatorSettings))
-    folder = work / "adapted_robot" / robot.name
-    write_adapted_robot(folder, ROOT / "robots" / robot.name, actuators)
-    adapted = load_robot(folder)
-    made: dict[str, list[tuple[str, RobotClip]]] = {name: [] for name in retargeters}
-    for clip in clips:
-        try:
-            results = {name: retargeted(clip) for name, retargeted in retargeters.items()}
-        except (PipelineError, subprocess.CalledProcessError) as error:
-            print(f"{clip.human.name} is left out: {error}", file=sys.stderr)
-            continue
-        for name, result in results.items():
-            made[name].append((clip.file.name, result))
-    facts = robot_facts(adapted, folder)
-    for name, results in made.items():
-        for part, wanted in (("trained_on", False), ("held_out", True)):
-            taken = [result for file, result in results if (file in held_out) == wanted]
-            if not taken:
-                raise SystemExit(
-                    f"{len(recordings)} recordings leave nothing for '{part}': {HELD_OUT_EVERY} are needed."
-                )
-            write_tracking_bundle(work / name / part, taken, adapted, facts, [LICENCE])
-
-
-def measured(work: Path, recipe: Recipe, seed: int, pool: ClipPool) -> dict[str, list[NominalRollout]]:
+def measured(work: Path, recipe: Recipe, seed: int, workers: int) -> dict[str, list[NominalRollout]]:
     """Rollouts of the held-out clips by the tracker of each retargeter, by its name; trackers are trained as needed."""
     found = {}
     for name in (OURS, GMR):
         out = work / name / f"seed{seed}"
         train(work / name / "trained_on", out, recipe, seed)
-        found[name] = rollouts(work / name / "held_out", work / "adapted_robot" / ROBOT, out / NETWORK, pool)
+        found[name] = rollouts(work / name / "held_out", work / "adapted_robot" / ROBOT, out / NETWORK, workers)
     return found
 
 
@@ -200,12 +136,21 @@ def train(bundle: Path, out: Path, recipe: Recipe, seed: int) -> None:
         raise SystemExit(f"training of {out} ended with status {status}; its message is above.")
 
 
-def rollouts(bundle: Path, robot_folder: Path, tracker: Path, pool: ClipPool) -> list[NominalRollout]:
-    """The undisturbed rollout of each clip of a bundle."""
+def rollouts(bundle: Path, robot_folder: Path, tracker: Path, workers: int) -> list[NominalRollout]:
+    """The undisturbed rollout of each clip of a bundle, in `workers` processes; 0: one a core."""
     robot = load_robot(robot_folder)
-    values = settings_file.read(ROOT / "data/tracking.yaml", TrackingSettings)
+    needed = {
+        "settings": settings_file.read(ROOT / "data/tracking.yaml", TrackingSettings),
+        "robot": robot,
+        "envelope": torque_envelope(read_actuators(robot_folder)),
+        "tracker": tracker,
+    }
+    work = partial(nominal_rollout, **needed)
     clips = clips_of(read_tracking_bundle(bundle).motions, robot)
-    return nominal_rollouts(clips, robot, torque_envelope(read_actuators(robot_folder)), tracker, values, pool)
+    if workers == 1:
+        return [work(clip) for clip in clips]
+    with ProcessPoolExecutor(workers or None, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(work, clips))
 
 
 def bars_of(found: Mapping[int, Mapping[str, Sequence[NominalRollout]]]) -> list[Bar]:

@@ -21,7 +21,8 @@ from pipeline.batch.pool import ClipPool
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings
 from pipeline.robot import load_robot
-from pipeline.tracking.evaluate import figures, nominal_rollouts
+from pipeline.tracking.evaluate import nominal_rollouts
+from pipeline.tracking.nominal_rollout import figures
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker_folder import NETWORK, read_card
 

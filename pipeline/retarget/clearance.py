@@ -20,6 +20,9 @@ from pipeline.robot import Kinematics, LinkPoses, Robot
 ARM_POINTS = (0.0, 0.35, 0.7, 1.0)
 """Points along the forearm, as shares of the way from elbow to hand."""
 
+OUTER_POINTS = slice(2, None)
+"""Those of them that are kept off the trunk, too."""
+
 RAISED = 1.5
 """Way that a pelvis on a smoothed path is raised / depth of a sole below ground; the pelvis follows part of it."""
 
@@ -27,76 +30,79 @@ SHORTEST_LEVER = 0.1
 """[m] Points closer to the shoulder than this are turned as if they were this far."""
 
 
-def turn_of(
-    side: int, kinematics: Kinematics, poses: LinkPoses, robot: Robot, settings: ClearanceSettings, spread: float
-) -> Float[np.ndarray, "t 3"]:
-    """Rotation vectors [rad], world frame, about the shoulder that take the arm out of the body, smooth over time.
+def turns_of(
+    kinematics: Kinematics, poses: LinkPoses, robot: Robot, settings: ClearanceSettings, spread: float
+) -> Float[np.ndarray, "t 2 3"]:
+    """Rotation vectors [rad], world frame, about the shoulders (left, right) that take the arms out of the body.
 
     Args:
+        kinematics: the robot's
+        poses: of the first pass
+        robot: the robot
+        settings: distances
         spread: frames over which a turn comes and goes
     """
-    name, human = FEET[side], robot.human
-    sites = [human[f"{name}_{part}"] for part in ("shoulder", "elbow", "hip", "knee")]
-    sites += [robot.hands[side], human["left_shoulder"], human["right_shoulder"], human["left_hip"], human["right_hip"]]
-    places_w = np.moveaxis(kinematics.site_pos_w(poses, sites), 1, 0)
-    shoulder_w, elbow_w, hip_w, knee_w, hand_w = places_w[:5]
-    top_w, bottom_w = places_w[5:7].mean(axis=0), places_w[7:9].mean(axis=0)
+    human, sides = robot.human, range(2)
+    names = [human[f"{side}_{part}"] for part in ("shoulder", "elbow", "hip", "knee") for side in FEET]
+    places_w = kinematics.site_pos_w(poses, [*names, *robot.hands])
+    shoulder_w, elbow_w, hip_w, knee_w, hand_w = (places_w[:, None, 2 * part : 2 * part + 2] for part in range(5))
+    top_w, bottom_w = shoulder_w.mean(axis=2, keepdims=True), hip_w.mean(axis=2, keepdims=True)
     trunk_quat_w = poses.quat_w[:, robot.link(human["trunk"])]
-    outward_w = rotation.rotate(trunk_quat_w, np.array([0.0, 1.0 - 2.0 * side, 0.0]))
-    turn = np.zeros_like(hip_w)
-    for share in ARM_POINTS:
-        point_w = elbow_w + share * (hand_w - elbow_w)
-        away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)
-        direction_w = _sideways_or_shortest(away_w, outward_w, settings.arm_distance / 2.0)
-        ways = [way_out(away_w, direction_w, settings.arm_distance)[:, None] * direction_w]
-        if share > 0.5:
-            away_w = point_w - _closest_on_segment(point_w, bottom_w, top_w)
-            direction_w = rotation.normalize(away_w)
-            ways.append(way_out(away_w, direction_w, settings.trunk_distance)[:, None] * direction_w)
-        for way_w in ways:
-            turn = _larger(turn, _turn_by(point_w - shoulder_w, way_w))
+    outward_w = np.stack([rotation.rotate(trunk_quat_w, np.array([0.0, 1.0 - 2.0 * side, 0.0])) for side in sides], 1)
+    shares = np.array(ARM_POINTS)[:, None, None]
+    point_w = elbow_w + shares * (hand_w - elbow_w)
+    away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)
+    direction_w = _sideways_or_shortest(away_w, outward_w[:, None], settings.arm_distance / 2.0)
+    from_thigh = _turn_by(point_w - shoulder_w, way_out(away_w, direction_w, settings.arm_distance) * direction_w)
+    outer_w = point_w[:, OUTER_POINTS]
+    away_w = outer_w - _closest_on_segment(outer_w, bottom_w, top_w)
+    direction_w = rotation.normalize(away_w)
+    from_trunk = _turn_by(outer_w - shoulder_w, way_out(away_w, direction_w, settings.trunk_distance) * direction_w)
+    turns = np.concatenate([np.zeros_like(from_thigh[:, :1]), from_thigh, from_trunk], axis=1)
+    largest = rotation.length(turns).argmax(axis=1)
+    turn = np.take_along_axis(turns, largest[:, None, :, None], axis=1)[:, 0]
     size = faded(rotation.length(turn), spread)
-    return size[:, None] * rotation.normalize(gaussian_filter1d(turn, 2.0 * spread, axis=0, mode="nearest"))
+    return size[..., None] * rotation.normalize(gaussian_filter1d(turn, 2.0 * spread, axis=0, mode="nearest"))
 
 
 def way_out(
-    away: Float[np.ndarray, "t 3"], direction: Float[np.ndarray, "t 3"], distance: float
-) -> Float[np.ndarray, " t"]:
+    away: Float[np.ndarray, "*n 3"], direction: Float[np.ndarray, "*n 3"], distance: float
+) -> Float[np.ndarray, "*n 1"]:
     """Way s >= 0 [m] with |away + s direction| = `distance` where |away| is less than that; `direction` is unit."""
-    along = np.sum(away * direction, axis=-1)
-    lacking = distance**2 - np.sum(away * away, axis=-1)
+    along = _dot(away, direction)
+    lacking = distance**2 - _dot(away, away)
     return np.where(lacking > 0.0, np.sqrt(np.maximum(along**2 + lacking, 0.0)) - along, 0.0)
 
 
 def _sideways_or_shortest(
-    away_w: Float[np.ndarray, "t 3"], outward_w: Float[np.ndarray, "t 3"], beside: float
-) -> Float[np.ndarray, "t 3"]:
+    away_w: Float[np.ndarray, "*n 3"], outward_w: Float[np.ndarray, "*#n 3"], beside: float
+) -> Float[np.ndarray, "*n 3"]:
     """Direction out of the thigh: outward at `beside` [m] or more outside its line, along `away_w` on its inside.
 
     A hand over a raised thigh would have to pass through it on its way outward.
     """
-    share = np.clip(np.sum(away_w * outward_w, axis=1) / beside, 0.0, 1.0)[:, None]
+    share = np.clip(_dot(away_w, outward_w) / beside, 0.0, 1.0)
     mixed_w = rotation.normalize(share * outward_w + (1.0 - share) * rotation.normalize(away_w))
     return np.where(share < 1.0, mixed_w, outward_w)
 
 
-def _turn_by(arm: Float[np.ndarray, "t 3"], way: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
+def _turn_by(arm: Float[np.ndarray, "*n 3"], way: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
     """Rotation vector [rad] that moves the end of `arm` [m] by `way` [m], to first order."""
-    lever = np.maximum(rotation.length(arm)[:, None], SHORTEST_LEVER)
+    lever = np.maximum(rotation.length(arm)[..., None], SHORTEST_LEVER)
     return rotation.cross(arm, way) / lever**2
 
 
-def _larger(a: Float[np.ndarray, "t 3"], b: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
-    first = rotation.length(a) >= rotation.length(b)
-    return np.where(first[:, None], a, b)
-
-
 def _closest_on_segment(
-    point: Float[np.ndarray, "t 3"], start: Float[np.ndarray, "t 3"], stop: Float[np.ndarray, "t 3"]
-) -> Float[np.ndarray, "t 3"]:
+    point: Float[np.ndarray, "*n 3"], start: Float[np.ndarray, "*#n 3"], stop: Float[np.ndarray, "*#n 3"]
+) -> Float[np.ndarray, "*n 3"]:
     line = stop - start
-    share = np.clip(np.sum((point - start) * line, axis=-1) / np.sum(line * line, axis=-1), 0.0, 1.0)
-    return start + share[:, None] * line
+    share = np.clip(_dot(point - start, line) / _dot(line, line), 0.0, 1.0)
+    return start + share * line
+
+
+def _dot(a: Float[np.ndarray, "*#n 3"], b: Float[np.ndarray, "*#n 3"]) -> Float[np.ndarray, "*#n 1"]:
+    products = a * b
+    return products[..., :1] + products[..., 1:2] + products[..., 2:]
 
 
 def cleared(
@@ -112,6 +118,7 @@ def cleared(
     spread = settings.spread_s * fps
     foot_pos_w, limb_dir_w = targets.foot_pos_w.copy(), targets.limb_dir_w.copy()
     pelvis_pos_w = targets.pelvis_pos_w.copy()
+    turns = rotation.from_rotvec(turns_of(kinematics, poses, robot, settings, spread))
     apart_w = _swings_apart(targets, poses, robot, sole, settings, spread)
     for side in range(2):
         foot_pos_w[:, side] += _foot_correction(side, targets, poses, robot, settings)
@@ -120,10 +127,9 @@ def cleared(
         foot_pos_w[:, side, 2] += sunk
         pelvis_pos_w[:, 2] += RAISED * targets.pelvis_smoothed * sunk
         foot_pos_w[:, side] += apart_w[side]
-        turn = rotation.from_rotvec(turn_of(side, kinematics, poses, robot, settings, spread))
         for limb, (name, _, _) in enumerate(LIMBS):
             if name in (f"{FEET[side]}_upper_arm", f"{FEET[side]}_forearm"):
-                limb_dir_w[:, limb] = rotation.rotate(turn, limb_dir_w[:, limb])
+                limb_dir_w[:, limb] = rotation.rotate(turns[:, side], limb_dir_w[:, limb])
     return dataclasses.replace(targets, foot_pos_w=foot_pos_w, pelvis_pos_w=pelvis_pos_w, limb_dir_w=limb_dir_w)
 
 

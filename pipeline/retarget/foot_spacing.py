@@ -199,10 +199,10 @@ def push_outward(
     plan[:, :2] += (1.0 - 2.0 * side) * push[:, None] * lateral_w
 
 
-def faded(push: Float[np.ndarray, " t"], spread: float) -> Float[np.ndarray, " t"]:
-    """A smooth curve at or above most of `push`: its running maximum, then a Gaussian of `spread` frames."""
+def faded(push: Float[np.ndarray, "*n"], spread: float) -> Float[np.ndarray, "*n"]:
+    """A smooth curve over frames (first axis) at or above most of `push`: its running maximum, then a Gaussian."""
     width = 2 * round(spread) + 1
-    return gaussian_filter1d(maximum_filter1d(push, width), spread, mode="nearest")
+    return gaussian_filter1d(maximum_filter1d(push, width, axis=0), spread, axis=0, mode="nearest")
 
 
 def _window(swings: Bool[np.ndarray, " t"], spread: float) -> Float[np.ndarray, " t"]:

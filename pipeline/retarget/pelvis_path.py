@@ -42,20 +42,24 @@ def held_share(
 
 
 def smoothed_share(
-    planned_w: Float[np.ndarray, "t 3"], reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
+    planned_peak: float, reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
 ) -> Float[np.ndarray, " t"]:
     """How firmly the pelvis is held to `smoothed_path` in each frame, 0 (not at all) to 1.
 
-    0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's peak. Else it is 1 around frames
-    that accelerate by more than `smoothed_ratio` of that peak, and comes and goes over `fade_s`.
+    0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's peak [m/s^2]. Else it is 1 around
+    frames that accelerate by more than `smoothed_ratio` of that peak, and comes and goes over `fade_s`.
     """
-    peak = float(_acceleration(planned_w, fps).max())
-    ratio = _acceleration(reached_w, fps) / max(peak, settings.least_peak_m_s2)
+    ratio = _acceleration(reached_w, fps) / max(planned_peak, settings.least_peak_m_s2)
     if ratio.max() <= settings.jerky_ratio:
         return np.zeros(len(ratio))
     fade = settings.fade_s * fps
     nearby = maximum_filter1d((ratio > settings.smoothed_ratio).astype(float), 4 * round(fade) + 1)
     return gaussian_filter1d(nearby, fade, mode="nearest", truncate=3.0)
+
+
+def peak_acceleration(pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:
+    """Largest acceleration of a path, low-passed [m/s^2]."""
+    return float(_acceleration(pos_w, fps).max())
 
 
 def _acceleration(pos_w: Float[np.ndarray, "t 3"], fps: float) -> Float[np.ndarray, " t"]:
@@ -83,13 +87,16 @@ def smoothed_path(
     return planned_w + share[:, None] * way_w
 
 
-def fading_grip(firm: Bool[np.ndarray, "t 2"], settings: PelvisSettings, fps: float) -> Float[np.ndarray, "t 2"]:
-    """How firmly each foot is held to its place: 1 where `firm`, fading to 0 over `fade_s` outside."""
+def fading_grip(
+    firm: Bool[np.ndarray, "t 2"], held: Float[np.ndarray, " t"], settings: PelvisSettings, fps: float
+) -> Float[np.ndarray, "t 2"]:
+    """How firmly each foot is held to its place: 1 where `firm`, fading to 0 over `fade_s` where the pelvis is held."""
     grip = firm.astype(float)
     reach = settings.fade_s * fps
     for side in range(2):
         if not firm[:, side].any():
             continue
         distance = np.asarray(distance_transform_edt(~firm[:, side]))
-        grip[:, side] = time_series.smoothstep(np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0))
+        fading = time_series.smoothstep(np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0))
+        grip[:, side] = np.where(held > 0.0, fading, grip[:, side])
     return grip

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
@@ -18,7 +18,7 @@ from pipeline.errors import ClipError
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
-from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, peak_acceleration, smoothed_path, smoothed_share
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
@@ -60,50 +60,44 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     settings = scaled(settings, robot)
     weights, fps, solver = settings.weights, settings.fps, solver_for(robot)
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
-    planned_w, start = targets.pelvis_pos_w, None
+    planned_w = targets.pelvis_pos_w
+    planned_peak, start = peak_acceleration(planned_w, fps), None
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
+
+    def with_smooth_path(targets: Targets, reached_w: Float[np.ndarray, "t 3"]) -> Targets | None:
+        """The targets with the pelvis on a smooth path where a pass jerked it; None where it did not."""
+        share = smoothed_share(planned_peak, reached_w, settings.pelvis, fps)
+        if not share.any():
+            return None
+        share = np.maximum(targets.pelvis_smoothed, share)
+        path_w = smoothed_path(planned_w, reached_w, share, settings.pelvis, fps)
+        return dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=share)
+
+    def again(reached: Trajectory, changed: Bool[np.ndarray, " t"]) -> Trajectory:
+        return solver.solve(human.name, targets, rest, weights.posture_first, settings, reached, changed)
+
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
-    held = held_share(planned_w, _pelvis_pos_w(first, robot), settings.pelvis, fps)
+    reached_w = _pelvis_pos_w(first, robot)
+    held = held_share(planned_w, reached_w, settings.pelvis, fps)
     if held.any():
-        grip = fading_grip(targets.grip > 0.5, settings.pelvis, fps)
+        grip = fading_grip(targets.grip > 0.5, held, settings.pelvis, fps)
         targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
-        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
-    smoother = _with_smoothed_path(targets, planned_w, first, settings, robot)
+        first = start = again(first, held > 0.0)
+        reached_w = _pelvis_pos_w(first, robot)
+    smoother = with_smooth_path(targets, reached_w)
     if smoother is not None:
         targets = smoother
-        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
+        first = start = again(first, targets.pelvis_smoothed > 0.0)
     posture = time_series.smooth(first.joint_pos, fps, settings.posture_smooth_hz)
     posture_weight = weights.posture_second_held if held.any() else weights.posture_second
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
     targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, fps)
     second = solver.solve(human.name, targets, posture, posture_weight, settings, start)
-    smoother = _with_smoothed_path(targets, planned_w, second, settings, robot)
+    smoother = with_smooth_path(targets, _pelvis_pos_w(second, robot))
     if smoother is not None:
-        targets = smoother
-        second = solver.solve(human.name, targets, posture, posture_weight, settings, second)
+        targets, changed = smoother, smoother.pelvis_smoothed > 0.0
+        second = solver.solve(human.name, targets, posture, posture_weight, settings, second, changed)
     return targets, second
-
-
-def _with_smoothed_path(
-    targets: Targets,
-    planned_w: Float[np.ndarray, "t 3"],
-    reached: Trajectory,
-    settings: RetargetSettings,
-    robot: Robot,
-) -> Targets | None:
-    """The targets with the pelvis on a smooth path where a pass jerked it; None where it did not.
-
-    Args:
-        planned_w: the human's path, scaled [m]
-        reached: what the pass found
-    """
-    reached_w = _pelvis_pos_w(reached, robot)
-    share = smoothed_share(planned_w, reached_w, settings.pelvis, settings.fps)
-    if not share.any():
-        return None
-    share = np.maximum(targets.pelvis_smoothed, share)
-    path_w = smoothed_path(planned_w, reached_w, share, settings.pelvis, settings.fps)
-    return dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=share)
 
 
 def _pelvis_pos_w(trajectory: Trajectory, robot: Robot) -> Float[np.ndarray, "t 3"]:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 import placo
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
@@ -34,6 +34,9 @@ ANKLE_MARGIN = 0.06
 
 RESETTLE_ITERATIONS = 6
 """Solves on frame 0 from a solution for nearly the same targets."""
+
+BACK_ON_START = 1e-5
+"""Largest difference [m, rad] of two solutions of a frame that count as the same."""
 
 DAMPING = 1e-6
 """Weight of the step's square; it keeps the program strictly convex."""
@@ -68,6 +71,7 @@ class Solver:
         for name in set(robot.joint_names) - set(robot.controlled):
             self._solver.mask_dof(name)
         self._add_tasks()
+        self._matrices: tuple | None = None
 
     def _add_tasks(self) -> None:
         solver, zero, identity = self._solver, np.zeros(3), np.eye(3)
@@ -88,6 +92,9 @@ class Solver:
             solver.add_axisalign_task(human[limb], axis, axis)
             for (limb, _, _), axis in zip(LIMBS, self.body.limb_axes_b, strict=True)
         ]
+        self._leg_limbs = [
+            (limb, task) for (limb, _, _), task in zip(LIMBS, self._limbs, strict=True) if limb.endswith(LEG)
+        ]
         solver.add_regularization_task(DAMPING)
 
     def solve(
@@ -98,15 +105,25 @@ class Solver:
         posture_weight: float,
         settings: RetargetSettings,
         start: Trajectory | None = None,
+        changed: Bool[np.ndarray, " t"] | None = None,
     ) -> Trajectory:
         """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
 
         It settles on frame 0 from `posture`, or in fewer solves from the first frame of a similar trajectory `start`.
         Raises ClipError that names the clip and the frame where the program has no solution.
+
+        Args:
+            clip: its name
+            targets: what is followed
+            posture: joints that the solution is drawn to [rad]
+            posture_weight: by how much [1/rad^2]
+            settings: weights, rate and limits
+            start: a trajectory for similar targets
+            changed: frames whose targets are not those of `start`. Only these are solved, and those behind them until
+                the motion is back on `start`; all others are taken from it. None: all frames are solved.
         """
         frames = len(posture)
-        feed = _Feed(self, targets, posture)
-        states = np.empty((frames, len(self._wrapper.state.q)))
+        feed = _Feed(self, targets, posture, settings.weights)
         if start is None:
             self._start(targets.pelvis_pos_w[0], targets.trunk_quat_w[0], posture[0])
         else:
@@ -114,8 +131,17 @@ class Solver:
         settling = settings.settle_iterations if start is None else min(RESETTLE_ITERATIONS, settings.settle_iterations)
         self._configure(settings.weights, posture_weight)
         self._limit_speed(settings)
+        states, todo = np.empty((frames, len(self._wrapper.state.q))), None
+        if start is not None and changed is not None:
+            states, todo = self._states_of(start), changed.tolist()
+        solving = todo is None or todo[0]
         for frame in range(frames):
-            feed.set(frame, settings.weights)
+            if not solving:
+                if todo is None or not todo[frame]:
+                    continue
+                self._go_to(states[frame - 1])
+                self._solver.enable_velocity_limits(True)
+            feed.set(frame)
             try:
                 for _ in range(settling if frame == 0 else 1):
                     self._solver.solve(True)
@@ -125,12 +151,21 @@ class Solver:
                 raise ClipError(clip, "no_solution", problem, frame) from error
             if frame == 0:
                 self._solver.enable_velocity_limits(True)
-            states[frame] = self._wrapper.state.q
+            state = self._wrapper.state.q
+            solving = todo is None or todo[frame] or bool(np.abs(state - states[frame]).max() > BACK_ON_START)
+            states[frame] = state
         return Trajectory(
             root_pos_w=states[:, :3].copy(),
             root_quat_w=rotation.make_continuous(np.roll(states[:, 3:7], 1, axis=1)),
             joint_pos=states[:, self._columns],
         )
+
+    def matrices_of(self, targets: Targets) -> tuple[Float[np.ndarray, "t 3 3"], Float[np.ndarray, "t 2 3 3"]]:
+        """Rotation matrices of trunk and feet; the passes of a clip share them, so the last ones are kept."""
+        quats = (targets.trunk_quat_w, targets.foot_quat_w)
+        if self._matrices is None or any(new is not old for new, old in zip(quats, self._matrices[0], strict=True)):
+            self._matrices = (quats, (rotation.to_matrix(quats[0]), rotation.to_matrix(quats[1])))
+        return self._matrices[1]
 
     def _start(
         self,
@@ -144,8 +179,19 @@ class Solver:
         q[:3] = root_pos_w
         q[3:7] = np.roll(root_quat_w, -1)
         q[self._columns] = np.clip(joint_pos, self._lower, self._upper)
+        self._go_to(q)
+
+    def _go_to(self, q: Float[np.ndarray, " q"]) -> None:
         self._wrapper.state.q = q
         self._wrapper.update_kinematics()
+
+    def _states_of(self, trajectory: Trajectory) -> Float[np.ndarray, "t q"]:
+        """placo's states of a trajectory: root position, root orientation xyzw, joints."""
+        states = np.tile(np.array(self._wrapper.state.q), (len(trajectory.joint_pos), 1))
+        states[:, :3] = trajectory.root_pos_w
+        states[:, 3:7] = np.roll(trajectory.root_quat_w, -1, axis=1)
+        states[:, self._columns] = trajectory.joint_pos
+        return states
 
     def _limit_speed(self, settings: RetargetSettings) -> None:
         self._solver.dt = 1.0 / settings.fps
@@ -162,80 +208,85 @@ class Solver:
 
 
 class _Feed:
-    """Hands a frame's targets to the tasks of a solver; arrays are turned into what placo takes once a clip."""
+    """Hands a frame's targets to the tasks of a solver."""
 
-    def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"]):
-        names = solver.robot.joint_names
+    def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"], weights: WeightSettings):
         self._solver = solver
-        self._grip, self._contacts = targets.grip.tolist(), targets.contacts.tolist()
-        self._pelvis = list(targets.pelvis_pos_w)
-        self._trunk = list(rotation.to_matrix(targets.trunk_quat_w))
-        waist = names[solver.body.waist]
-        self._waist = [{waist: angle} for angle in targets.waist_pos.tolist()]
-        rows = posture[:1] if _is_constant(posture) else posture
-        self._posture = [dict(zip(names, row, strict=True)) for row in rows.tolist()]
-        self._foot_pos = [list(targets.foot_pos_w[:, side]) for side in range(2)]
-        self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
-        self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
-        self._pelvis_held: list[float] = targets.pelvis_held.tolist()
-        self._pelvis_smoothed: list[float] = targets.pelvis_smoothed.tolist()
-        self._shares: tuple[float, float] | None = None
-        self._held: list[tuple[float, bool] | None] = [None, None]
+        self._names, self._waist_name = solver.robot.joint_names, solver.robot.joint_names[solver.body.waist]
+        self._pelvis, self._feet, self._limbs = targets.pelvis_pos_w, targets.foot_pos_w, targets.limb_dir_w
+        self._trunk, self._foot_rot = solver.matrices_of(targets)
+        self._waist: list[float] = targets.waist_pos.tolist()
+        self._posture = (posture[:1] if _is_constant(posture) else posture).tolist()
+        self._held = _rows(*_weights_of_pelvis(targets, weights))
+        self._feet_held = [_rows(*_weights_of_foot(targets, side, weights)) for side in range(2)]
+        self._pelvis_now: tuple[float, ...] = ()
+        self._feet_now: list[tuple[float, ...]] = [(), ()]
 
-    def set(self, frame: int, weights: WeightSettings) -> None:
+    def set(self, frame: int) -> None:
         solver = self._solver
-        solver._pelvis_horizontal.target_world = self._pelvis[frame]
-        solver._pelvis_height.target_world = self._pelvis[frame]
-        self._hold_pelvis((self._pelvis_held[frame], self._pelvis_smoothed[frame]), weights)
+        solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis[frame]
         solver._trunk.R_world_frame = self._trunk[frame]
-        solver._waist.set_joints(self._waist[frame])
+        solver._waist.set_joint(self._waist_name, self._waist[frame])
         if frame < len(self._posture):
-            solver._posture.set_joints(self._posture[frame])
-        for side in range(2):
-            foot_pos_w = self._foot_pos[side][frame]
-            solver._foot_position[side].target_world = foot_pos_w
-            solver._foot_height[side].target_world = foot_pos_w
-            solver._foot_orientation[side].R_world_frame = self._foot_rot[side][frame]
-            self._hold(side, (self._grip[frame][side], self._contacts[frame][side]), weights)
-        for task, directions in zip(solver._limbs, self._limbs, strict=True):
-            task.targetAxis_world = directions[frame]
+            solver._posture.set_joints(dict(zip(self._names, self._posture[frame], strict=True)))
+        feet, rotations = self._feet[frame], self._foot_rot[frame]
+        for side in (0, 1):
+            solver._foot_position[side].target_world = solver._foot_height[side].target_world = feet[side]
+            solver._foot_orientation[side].R_world_frame = rotations[side]
+            held = self._feet_held[side][frame]
+            if held != self._feet_now[side]:
+                self._feet_now[side] = held
+                solver._foot_position[side].configure(FEET[side], "soft", held[0])
+                solver._foot_orientation[side].configure(FEET[side], "soft", held[1])
+        for task, direction in zip(solver._limbs, self._limbs[frame], strict=True):
+            task.targetAxis_world = direction
+        if self._held[frame] != self._pelvis_now:
+            self._hold_pelvis(self._held[frame])
 
-    def _hold_pelvis(self, shares: tuple[float, float], weights: WeightSettings) -> None:
-        """Weights that depend on how firmly the pelvis is (held, smoothed); they are set in the solver on a change."""
-        if shares == self._shares:
-            return
-        self._shares, solver = shares, self._solver
-        share, smoothed = shares
-        horizontal = _between(weights.pelvis_horizontal, weights.pelvis_held, share)
-        solver._pelvis_horizontal.configure(
-            "pelvis_horizontal", "soft", _between(horizontal, weights.path_smoothed, smoothed)
-        )
-        pelvis_height = _between(weights.pelvis_height, weights.path_smoothed, smoothed)
-        solver._pelvis_height.configure("pelvis_height", "soft", pelvis_height)
-        foot_height = _between(weights.foot_height, weights.foot_height_held, share)
+    def _hold_pelvis(self, weights: tuple[float, ...]) -> None:
+        """Set the weights that depend on how firmly the pelvis is held, see `_weights_of_pelvis`."""
+        self._pelvis_now, solver = weights, self._solver
+        horizontal, height, foot_height, legs = weights
+        solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", horizontal)
+        solver._pelvis_height.configure("pelvis_height", "soft", height)
         for task in solver._foot_height:
-            task.configure("foot_height", "soft", _between(foot_height, weights.foot_height_smoothed, smoothed))
-        for (limb, _, _), task in zip(LIMBS, solver._limbs, strict=True):
-            if limb.endswith(LEG):
-                task.configure(limb, "soft", _between(weights.legs, weights.legs_held, share))
-
-    def _hold(self, side: int, held: tuple[float, bool], weights: WeightSettings) -> None:
-        """Weights of a foot with its (grip, stance); they are set in the solver when they change."""
-        if held == self._held[side]:
-            return
-        self._held[side] = held
-        grip, stands = held
-        position = _between(weights.swing_position, weights.stance_position, grip)
-        orientation = weights.stance_orientation if stands else weights.swing_orientation
-        self._solver._foot_position[side].configure(FEET[side], "soft", position)
-        self._solver._foot_orientation[side].configure(FEET[side], "soft", orientation)
+            task.configure("foot_height", "soft", foot_height)
+        for limb, task in solver._leg_limbs:
+            task.configure(limb, "soft", legs)
 
 
-def _between(low: float, high: float, share: float) -> float:
+Weight = Float[np.ndarray, " t"]
+
+
+def _weights_of_pelvis(targets: Targets, weights: WeightSettings) -> tuple[Weight, Weight, Weight, Weight]:
+    """Weights of the pelvis (horizontal, height), of the feet's height and of the legs' directions in each frame."""
+    held, smoothed = targets.pelvis_held, targets.pelvis_smoothed
+    horizontal = _between(weights.pelvis_horizontal, weights.pelvis_held, held)
+    foot_height = _between(weights.foot_height, weights.foot_height_held, held)
+    return (
+        _between(horizontal, weights.path_smoothed, smoothed),
+        _between(weights.pelvis_height, weights.path_smoothed, smoothed),
+        _between(foot_height, weights.foot_height_smoothed, smoothed),
+        _between(weights.legs, weights.legs_held, held),
+    )
+
+
+def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tuple[Weight, Weight]:
+    """Weights of a foot's horizontal position and of its orientation in each frame."""
+    stands = targets.contacts[:, side].astype(float)
+    return (
+        _between(weights.swing_position, weights.stance_position, targets.grip[:, side]),
+        _between(weights.swing_orientation, weights.stance_orientation, stands),
+    )
+
+
+def _between(low: float | Weight, high: float, share: Weight) -> Weight:
     """`low` for 0, `high` for 1, geometrically between."""
-    if share in (0.0, 1.0):
-        return high if share else low
-    return low * (high / low) ** share
+    return np.where(share == 0.0, low, np.where(share == 1.0, high, low * (high / low) ** share))
+
+
+def _rows(*columns: Weight) -> list[tuple[float, ...]]:
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,14 +133,17 @@ def plan_targets(
         middle_w = np.mean([clip.pos(f"{side}_hip") for side in FEET], axis=0)
         return ratio * (middle_w - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
 
-    hips = foot_reach.hips_of(centre_of(clip), trunk_quat_w, waist_pos, body)
+    centre_w = centre_of(clip)
+    hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
     raws = _scaled_feet(clip, ratio, widening_w, heading, person, body.sole)
     lacking = np.maximum(*(foot_reach.lacking(raw, side, hips) for side, raw in enumerate(raws)))
     share = lateral_share(lacking, settings.narrowing, clip.fps)
-    clip = narrowed(clip, lateral_w, share)
-    centre_w = centre_of(clip)
-    hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
-    feet, moved = _plan_feet(clip, contacts, ratio, widening_w, heading, hips, person, body, settings)
+    if (share < 1.0).any():
+        clip = narrowed(clip, lateral_w, share)
+        centre_w = centre_of(clip)
+        hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
+        raws = _scaled_feet(clip, ratio, widening_w, heading, person, body.sole)
+    feet, moved = _plan_feet(clip, raws, contacts, ratio, widening_w, hips, person, body, settings)
     return Targets(
         contacts=contacts,
         grip=(contacts | _close(feet, heading, body.sole, settings)[:, None]).astype(float),
@@ -169,18 +173,29 @@ def waist_angle(trunk_quat_w: Float[np.ndarray, "t 4"], heading: Float[np.ndarra
 
 def _plan_feet(
     clip: HumanClip,
+    raws: Sequence[Float[np.ndarray, "t 5"]],
     contacts: Bool[np.ndarray, "t 2"],
     ratio: float,
     widening_w: Float[np.ndarray, "t 2"],
-    heading: Float[np.ndarray, " t"],
     hips: Hips,
     person: Proportions,
     body: RobotBody,
     settings: RetargetSettings,
 ) -> tuple[tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]], float]:
-    """Plans of both feet (ankle x, y, z, yaw, pitch), in reach, spaced and above ground; `foothold_moved` [m]."""
-    feet, sole = settings.feet, body.sole
-    raws, locked = _scaled_feet(clip, ratio, widening_w, heading, person, sole), []
+    """Plans of both feet (ankle x, y, z, yaw, pitch), in reach, spaced and above ground; `foothold_moved` [m].
+
+    Args:
+        clip: the person
+        raws: both feet, scaled, see `_scaled_foot`; their yaw is the pelvis's
+        contacts: stances
+        ratio: robot length / human length
+        widening_w: by how much the left foot is moved outward [m]
+        hips: the robot's
+        person: their proportions
+        body: the robot's
+        settings: of the foot plan
+    """
+    feet, sole, heading, locked = settings.feet, body.sole, raws[0][:, YAW], []
     for side, name in enumerate(FEET):
         outward_w = widening_w if side == 0 else -widening_w
         ankle, toe, raw = clip.pos(f"{name}_ankle"), clip.pos(f"{name}_toe"), raws[side]

@@ -18,17 +18,16 @@ from pathlib import Path
 
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch.pool import ClipPool
-from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.files import settings
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.learning.policy_file import write_policy
 from pipeline.learning.training_error import TrainingError
-from pipeline.robot import Robot, load_robot
-from pipeline.tracking.bundle import Motions, check_trained_on, read_tracking_bundle
-from pipeline.tracking.evaluate import figures, nominal_rollouts
+from pipeline.robot import load_robot
+from pipeline.tracking.bundle import check_trained_on, read_tracking_bundle
+from pipeline.tracking.evaluate import nominal_rollouts
+from pipeline.tracking.nominal_rollout import clips_of, figures
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.task import CONTROL_HZ
 from pipeline.tracking.tracker_file import tracker_arrays
 from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, Trained, write_tracker_folder
 
@@ -54,22 +53,6 @@ def export_tracker(
     found = nominal_rollouts(clips_of(bundle.motions, robot), robot, envelope, run / NETWORK, values, pool)
     trained = Trained(run=run, iterations=state["iteration"], bundle=bundle.about, clips=bundle.motions.names)
     return write_tracker_folder(out, trained, figures(found), made)
-
-
-def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:
-    """The motions of a bundle as clips."""
-    return [
-        RobotClip(
-            name=name,
-            fps=CONTROL_HZ,
-            robot=robot.name,
-            joint_names=robot.joint_names,
-            root_pos_w=motions.root_pos_w[start:stop],
-            root_quat_w=motions.root_quat_w[start:stop],
-            joint_pos=motions.joint_pos[start:stop],
-        )
-        for name, start, stop in zip(motions.names, motions.clip_start[:-1], motions.clip_start[1:], strict=True)
-    ]
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -9,21 +9,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.retarget_downstream import GMR, OURS, Recipe, bars_of, measured, prepare, rollouts, table, train
+from benchmarks.retarget_downstream import GMR, OURS, ROOT, Recipe, bars_of, measured, rollouts, table, train
+from benchmarks.retarget_downstream_clips import pieces_of, prepare
 from benchmarks.retarget_runs import HandedOn
-from pipeline.batch import ClipPool
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main as tracking
 from pipeline.tracking.bundle import read_tracking_bundle
-from pipeline.tracking.evaluate import NominalRollout
+from pipeline.tracking.nominal_rollout import NominalRollout
 from tests.factories.human_clips import standing as person
 from tests.factories.robot_clips import standing
 from tests.factories.tracking_bundle import tracker_file
 
 RECIPE = Recipe(device="cpu", num_envs=4, iterations=1)
-POOL = ClipPool(workers=1)
+IN_THIS_PROCESS = 1
 
 
 def recordings(count: int) -> list[HandedOn]:
@@ -79,6 +79,17 @@ def test_fewer_recordings_than_one_is_held_out_of_are_refused(tmp_path: Path, ro
         prepare(recordings(2), {OURS: lambda clip: standing(robot, seconds=1.0)}, tmp_path, robot)
 
 
+def test_held_out_clips_are_cut_into_pieces_without_a_frame_lost(robot: Robot):
+    clip = standing(robot, seconds=12.0)
+    clip = dataclasses.replace(clip, joint_pos=clip.joint_pos + np.arange(clip.frame_count)[:, None] * 1e-5)
+    pieces = pieces_of(clip)
+    assert [piece.name for piece in pieces] == [f"{clip.name}+0", f"{clip.name}+1"]
+    assert np.array_equal(np.concatenate([piece.joint_pos for piece in pieces]), clip.joint_pos)
+    (whole,) = pieces_of(pieces[0])
+    assert whole.name == pieces[0].name
+    assert whole.frame_count == pieces[0].frame_count
+
+
 def run_here(command: list[str], cwd: Path, stdout: int | None) -> subprocess.CompletedProcess:
     """Instead of a process of its own, which imports torch for many seconds."""
     assert command[:3] == [sys.executable, "-m", "pipeline.tracking"]
@@ -87,13 +98,13 @@ def run_here(command: list[str], cwd: Path, stdout: int | None) -> subprocess.Co
 
 def test_each_tracker_is_trained_once_and_follows_its_own_clips(work: Path, monkeypatch):
     monkeypatch.setattr("benchmarks.retarget_downstream.subprocess", SimpleNamespace(run=run_here, DEVNULL=None))
-    found = measured(work, RECIPE, 1, POOL)
+    found = measured(work, RECIPE, 1, IN_THIS_PROCESS)
     assert [each.clip for name in (OURS, GMR) for each in found[name]] == ["take3", "take3"]
     trackers = [work / name / "seed1" / "tracker.npz" for name in (OURS, GMR)]
     weights = [np.load(path)["L0_w"] for path in trackers]
     assert not np.array_equal(*weights), "they were trained on different motions"
     trained_at = [path.stat().st_mtime_ns for path in trackers]
-    again = measured(work, RECIPE, 1, POOL)
+    again = measured(work, RECIPE, 1, IN_THIS_PROCESS)
     assert again == found
     assert [path.stat().st_mtime_ns for path in trackers] == trained_at
     other = dataclasses.replace(RECIPE, iterations=2)
@@ -106,7 +117,7 @@ def test_a_robot_that_stands_survives_and_one_thrown_over_does_not(work: Path, t
     thrown_over = np.full(len(robot.controlled), 4.0)
     for name, changed, survives in (("still", {}, True), ("thrown", {"L1_b": thrown_over}, False)):
         tracker = tracker_file(tmp_path / f"{name}.npz", robot, **changed)
-        (rolled_out,) = rollouts(work / OURS / "held_out", work / "adapted_robot" / "t1", tracker, POOL)
+        (rolled_out,) = rollouts(work / OURS / "held_out", work / "adapted_robot" / "t1", tracker, IN_THIS_PROCESS)
         assert rolled_out.survived == survives
 
 
@@ -129,3 +140,9 @@ def test_the_table_has_a_row_a_seed_and_their_mean():
     rows = table(found).splitlines()
     assert "2 held-out clips" in rows[0]
     assert rows[2:] == ["| 1 | 50 | 100 | 6.0 | 4.0 |", "| 2 | 0 | 50 | 10.0 | 6.0 |", "| mean | 25 | 75 | 8.0 | 5.0 |"]
+
+
+def test_training_and_rollouts_need_no_package_that_a_gpu_host_lacks():
+    absent = ("pyarrow", "placo", "pinocchio", "dagster")
+    check = f"import sys; sys.modules.update(dict.fromkeys({absent})); import benchmarks.retarget_downstream"
+    subprocess.run([sys.executable, "-c", check], check=True, cwd=ROOT)

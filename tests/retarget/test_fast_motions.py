@@ -14,7 +14,7 @@ from pipeline.retarget.clearance import _sideways_or_shortest
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.foot_reach import Hips, lacking
 from pipeline.retarget.narrowing import lateral_share, narrowed
-from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, peak_acceleration, smoothed_path, smoothed_share
 from pipeline.retarget.robot_body import ankle_pitch
 from pipeline.retarget.solver import solver_for
 from pipeline.retarget.trunk_lean import limited_lean
@@ -143,12 +143,12 @@ def jerked(acceleration_m_s2: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_calm_path_is_not_smoothed():
     planned_w, reached_w = jerked(0.9 * SETTINGS.pelvis.jerky_ratio * SETTINGS.pelvis.least_peak_m_s2)
-    assert not smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS).any()
+    assert not smoothed_share(peak_acceleration(planned_w, FPS), reached_w, SETTINGS.pelvis, FPS).any()
 
 
 def test_a_jerked_path_is_smoothed_around_the_jerk_alone():
     planned_w, reached_w = jerked(20.0)
-    share = smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS)
+    share = smoothed_share(peak_acceleration(planned_w, FPS), reached_w, SETTINGS.pelvis, FPS)
     assert share[195:206].min() > 0.99
     assert not share[:150].any()
     assert not share[250:].any()
@@ -183,13 +183,17 @@ def test_a_hand_over_the_thigh_goes_up_and_one_beside_it_outward():
 def test_the_grip_of_a_foot_is_full_in_stances_and_fades_outside():
     firm = np.zeros((60, 2), dtype=bool)
     firm[20:40, 0] = True
-    grip = fading_grip(firm, SETTINGS.pelvis, FPS)
+    held = np.ones(60)
+    held[:15] = 0.0
+    grip = fading_grip(firm, held, SETTINGS.pelvis, FPS)
     assert (grip[20:40, 0] == 1.0).all()
     assert (np.diff(grip[:21, 0]) >= 0.0).all()
     assert (np.diff(grip[39:, 0]) <= 0.0).all()
     assert 0.0 < grip[19, 0] < 1.0
     assert grip[10, 0] == grip[50, 0] == 0.0
     assert not grip[:, 1].any()
+    held[:] = 0.0
+    assert (fading_grip(firm, held, SETTINGS.pelvis, FPS) == firm).all(), "elsewhere the plan stays"
 
 
 def test_a_run_has_no_stance_in_the_air_and_keeps_its_pelvis_path():

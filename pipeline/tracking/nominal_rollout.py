@@ -1,0 +1,76 @@
+"""How well a tracker follows a reference: its nominal rollout. Needs no more packages than a GPU host has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.robot import Robot
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.tracking.bundle import Motions
+from pipeline.tracking.process import process
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.task import CONTROL_HZ
+
+
+@dataclass(frozen=True, kw_only=True)
+class NominalRollout:
+    """One clip's nominal rollout."""
+
+    clip: str
+    survived: bool
+    """From the first frame to the last."""
+    body_error_m: float
+    joint_error_rad: float
+    path_error_m: float
+    seconds: float
+
+
+def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:
+    """The motions of a bundle as clips."""
+    return [
+        RobotClip(
+            name=name,
+            fps=CONTROL_HZ,
+            robot=robot.name,
+            joint_names=robot.joint_names,
+            root_pos_w=motions.root_pos_w[start:stop],
+            root_quat_w=motions.root_quat_w[start:stop],
+            joint_pos=motions.joint_pos[start:stop],
+        )
+        for name, start, stop in zip(motions.names, motions.clip_start[:-1], motions.clip_start[1:], strict=True)
+    ]
+
+
+def nominal_rollout(
+    clip: RobotClip, *, settings: TrackingSettings, robot: Robot, envelope: TorqueEnvelope, tracker: Path
+) -> NominalRollout:
+    """The rollout of a reference without disturbance. Raises as `pipeline.tracking.process.process` does."""
+    needed = {"settings": settings.nominal(), "robot": robot, "envelope": envelope, "tracker": tracker}
+    numbers = process(clip, {"variant": ""}, **needed).numbers
+    errors = {name: float(numbers[name] or 0.0) for name in ("body_error_m", "joint_error_rad", "path_error_m")}
+    return NominalRollout(clip=clip.name, survived=bool(numbers["survived"]), seconds=clip.duration_s, **errors)
+
+
+def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
+    """Share that survives, and errors: mean over clips, mean over all frames, and the worst clip's."""
+    seconds = np.array([each.seconds for each in rollouts])
+    body_cm = np.array([100.0 * each.body_error_m for each in rollouts])
+    path_cm = np.array([100.0 * each.path_error_m for each in rollouts])
+    joint_deg = np.degrees([each.joint_error_rad for each in rollouts])
+    values = {
+        "clips": float(len(rollouts)),
+        "survived": np.mean([each.survived for each in rollouts]),
+        "body_error_cm": body_cm.mean(),
+        "body_error_cm_over_frames": np.average(body_cm, weights=seconds),
+        "body_error_cm_worst_clip": body_cm.max(),
+        "joint_error_deg": joint_deg.mean(),
+        "joint_error_deg_over_frames": np.average(joint_deg, weights=seconds),
+        "path_error_cm": path_cm.mean(),
+        "path_error_cm_worst_clip": path_cm.max(),
+    }
+    return {name: round(float(value), 3) for name, value in values.items()}
