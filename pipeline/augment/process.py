@@ -134,7 +134,12 @@ def _scaled(piece: Piece, faster: RobotClip, scale: float, parent: str, robot: R
     faster = mirror_clip(faster, robot, name) if mirrored else dataclasses.replace(faster, name=name)
     lower = np.minimum(robot.joint_lower, clip.joint_pos.min(axis=0))
     upper = np.maximum(robot.joint_upper, clip.joint_pos.max(axis=0))
-    faster = dataclasses.replace(faster, joint_pos=np.clip(faster.joint_pos, lower, upper) + 0.0)  # no negative zero
+    faster = dataclasses.replace(
+        faster,
+        root_pos_w=faster.root_pos_w + 0.0,  # a spline has no negative zeros
+        root_quat_w=faster.root_quat_w + 0.0,
+        joint_pos=np.clip(faster.joint_pos, lower, upper) + 0.0,
+    )
     return _piece(faster, time_scale_numbers(piece.numbers, scale), parent, mirrored=mirrored, scale=scale)
 
 
