@@ -80,7 +80,7 @@ def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
 
 
 def _forward_and_back(values: np.ndarray, pad: int, sections: np.ndarray, settled: np.ndarray) -> np.ndarray:
-    """The bits of `scipy.signal.sosfiltfilt` with an odd extension by `pad` frames, without its search for `settled`."""
+    """The bits of `scipy.signal.sosfiltfilt` with an odd extension by `pad` frames; `settled` is not sought again."""
     from scipy.signal import sosfilt  # 25 MB that readers do without
 
     start = 2 * values[:1] - values[pad:0:-1]
