@@ -38,7 +38,7 @@ from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_co
 from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
 from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.evaluated import READ as OF_RESULTS
-from pipeline.feasibility.evaluated import Results, results_of_pieces, with_evaluated, without_evaluated
+from pipeline.feasibility.evaluated import Results, ResultsOfPieces, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
@@ -215,7 +215,7 @@ def results_at_hand(references: Plan) -> Results:
     path = criteria_table.path_beside(manifest)
     if not criteria_table.belongs(path, manifest):
         return {}
-    return results_of_pieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
+    return ResultsOfPieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:
