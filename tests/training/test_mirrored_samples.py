@@ -1,4 +1,5 @@
-"""Mirrored samples in PPO: an update begins at a ratio of 1 for originals and mirror images, whatever the policy."""
+"""Mirrored samples in PPO: an update begins at a ratio of 1 for originals and mirror images, however asymmetric the
+policy, and stays finite."""
 
 from __future__ import annotations
 
@@ -14,13 +15,19 @@ from pipeline.training.stage import Request
 from tests.factories.training_bundle import small_bundle
 
 
-def test_ratios_are_1_before_the_update(tmp_path, root, robot, monkeypatch):
+def amp_stage(tmp_path, root, robot) -> AmpStage:
+    """A stage of four environments whose normalizer is fixed; otherwise it moves between steps, and ratios with it."""
     bundle = read_bundle(small_bundle(tmp_path, root, robot))
     config = RECIPE.changed({"simulation.num_envs": 4})
     request = Request(out=tmp_path, preset="recipe", config=config, device="cpu", seed=1, physics="plain")
     stage = AmpStage(bundle, request, tmp_path / "amp")
+    stage.algorithm.get_policy().obs_normalizer.count.fill_(FROZEN)
+    return stage
+
+
+def test_ratios_are_1_before_the_update(tmp_path, root, robot, monkeypatch):
+    stage = amp_stage(tmp_path, root, robot)
     actor, found = stage.algorithm.get_policy(), []
-    actor.obs_normalizer.count.fill_(FROZEN)  # otherwise it moves between steps, and ratios with it
     append = MirroredSamples.augment_batch
 
     def append_and_compare(self: Any, batch: Any, count: int) -> None:
@@ -39,3 +46,16 @@ def test_ratios_are_1_before_the_update(tmp_path, root, robot, monkeypatch):
     assert torch.equal(old[:count], originals)
     assert (old[count:] - originals).abs().max() > 0.1, "a network drawn at random is not symmetric"
     assert stage.algorithm.storage.actions_log_prob.shape[-1] == 1, "the storage is as rsl_rl made it"
+
+
+def test_an_update_of_a_very_asymmetric_policy_is_finite(tmp_path, root, robot):
+    """Its mirror images are so improbable that e^(new - old) overflows after the first steps of the optimizer."""
+    stage = amp_stage(tmp_path, root, robot)
+    actor = stage.algorithm.get_policy()
+    with torch.no_grad():
+        list(actor.mlp.parameters())[-1][0] += 30.0  # one joint of one side
+    stage.iterate(0.5)
+    before = [parameter.clone() for parameter in actor.parameters()]
+    stage.iterate(0.5)
+    assert all(parameter.isfinite().all() for parameter in actor.parameters())
+    assert any((old != new).any() for old, new in zip(before, actor.parameters(), strict=True)), "originals still count"

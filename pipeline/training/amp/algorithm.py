@@ -149,11 +149,9 @@ class AmpPpo(StepwisePpo):
     @torch.no_grad()
     def _mirrored_log_prob(self, mirror: Mirror) -> torch.Tensor:
         """Logarithm of the probability of each mirrored action at its mirrored observation (t, n, 1)."""
-        found = []
-        for step, actions in enumerate(self.storage.actions):
-            self.actor(mirror.observations(self.storage.observations[step]), stochastic_output=True)
-            found.append(self.actor.get_output_log_prob(mirror.actions(actions))[:, None])
-        return torch.stack(found)
+        actions = self.storage.actions
+        self.actor(mirror.observations(self.storage.observations.flatten(0, 1)), stochastic_output=True)
+        return self.actor.get_output_log_prob(mirror.actions(actions.flatten(0, 1))).view(*actions.shape[:2], 1)
 
     def _warm_critic_up(self) -> None:
         """Freeze the actor until the critic has learned; then start it at a small learning rate, as Adam's first steps

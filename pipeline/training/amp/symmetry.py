@@ -11,6 +11,12 @@ from tensordict import TensorDict
 from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.mdp.observations import HISTORY
 
+LESS_PROBABLE = 20.0
+"""A mirror image less probable than its original by more than this [nat] is not learned from: the policy would never act
+so there, and beyond 88 nat its ratio overflows."""
+NO_WEIGHT = 1e3
+"""Logarithm of an old probability at which the ratio, and with it the gradient, is 0."""
+
 
 class Mirror:
     """Left and right swapped. Twice is the identity."""
@@ -68,7 +74,8 @@ class MirroredSamples(Symmetry):
         """Append the mirrored samples; `batch.old_actions_log_prob` has a column of the originals and one of these."""
         both = batch.old_actions_log_prob
         super().augment_batch(batch, original_batch_size)
-        batch.old_actions_log_prob = torch.cat([both[:, :1], both[:, 1:]])
+        own, mirrored = both[:, :1], both[:, 1:]
+        batch.old_actions_log_prob = torch.cat([own, torch.where(mirrored < own - LESS_PROBABLE, NO_WEIGHT, mirrored)])
 
     def compute_loss(self, actor: Any, batch: Any, original_batch_size: int) -> torch.Tensor:
         """0: there is no mirror loss. For rsl_rl's figure the network would be evaluated once more a mini-batch."""
