@@ -1,6 +1,5 @@
 """Asset checks of the stages. Blocking where the data would be wrong, a warning where it would be poor."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,6 +8,7 @@ import dagster as dg
 from assets.plan import Plan
 from assets.report import check_result
 from pipeline.batch import Manifest
+from pipeline.batch.shard import MISSING
 
 Verdict = tuple[bool, str]
 
@@ -53,13 +53,15 @@ def _accounted(manifest: Manifest) -> Verdict:
 
 
 def _finite(manifest: Manifest) -> Verdict:
-    bad = [
-        f"{entry.clip} {name}"
-        for entry in manifest.entries
-        for name, value in entry.numbers.items()
-        if isinstance(value, float) and not math.isfinite(value)
-    ]
-    bad += [entry.clip for entry in manifest.entries if not entry.numbers.get("seconds", 0.0) > 0.0]
+    try:
+        shards = manifest.entry_shards
+    except ValueError as error:  # a shard takes no other numbers
+        return False, str(error)
+    bad: list[str] = []
+    for shard in shards:
+        columns = shard.columns(["clip", "seconds"])
+        seconds = columns.get("seconds", [0.0] * shard.count)
+        bad += [clip for clip, own in zip(columns["clip"], seconds, strict=True) if own is MISSING or not own > 0.0]
     return not bad, ", ".join(bad) if bad else f"{len(manifest.entries)} clips"
 
 

@@ -244,7 +244,7 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
 def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
-    found = accepted_variations(rollouts, feasible)
+    found = accepted_variations(rollouts, feasible) if rollouts.judged else pd.DataFrame()
     if found.empty:
         return {}
     accepted, tried = found["accepted"].tolist(), found["tried"].tolist()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -77,9 +78,11 @@ def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> t
         results: those that are at hand
     """
 
+    asked = (stage.version, stage.settings_digest)
+
     def is_known(entry: Entry) -> bool:
         last = entry.record[-1] if entry.record and entry.clip in results else None
-        return last is not None and (last["version"], last["settings"]) == (stage.version, stage.settings_digest)
+        return last is not None and (last["version"], last["settings"]) == asked
 
     rest = changed(Entry, candidates.entries, lambda entry: None if is_known(entry) else entry)
     known = changed(Entry, candidates.entries, lambda entry: entry if is_known(entry) else None)
@@ -96,6 +99,7 @@ def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry], results
     shards = (*manifest.judged_shards, *known.shards)
     place = {clip: index for index, shard in enumerate(shards) for clip in shard.columns(["clip"])["clip"]}
     pieces = {entry.clip: entry for entry in manifest.entries}
+    done = {"stage": stage.name, "version": stage.version, "settings": stage.settings_digest, "reasons": []}
 
     @functools.lru_cache(maxsize=SHARDS_AT_HAND)
     def rows_of(index: int) -> dict[str, Judged | Entry]:
@@ -110,7 +114,7 @@ def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry], results
         for clip in names[part]:
             row = rows_of(place[clip])[clip]
             if isinstance(row, Entry):
-                passed = _passed(row, stage)
+                passed = _passed(row, done)
                 rows.append(_judged(passed, results[clip]))
                 kept.append(passed)
             else:
@@ -125,9 +129,8 @@ SHARDS_AT_HAND = 4
 """Names are nearly in the order of the shards that they are in: so many are decoded at a time."""
 
 
-def _passed(entry: Entry, stage: Stage) -> Entry:
+def _passed(entry: Entry, done: dict[str, Any]) -> Entry:
     start_s, seconds = float(entry.numbers["stretch_start_s"]), float(entry.numbers["seconds"])
-    done = {"stage": stage.name, "version": stage.version, "settings": stage.settings_digest, "reasons": []}
     numbers = {**entry.numbers, "stretch_start_s": start_s, "stretch_stop_s": start_s + seconds}
     return dataclasses.replace(entry, numbers=numbers, record=(*entry.record, done))
 
