@@ -98,7 +98,7 @@ def wrong_unit(number: int, seed: int, folder: Path, settings: CatalogSettings) 
     raw = _raw_motion(folder, tuple(RECIPES)[int(rng.integers(len(RECIPES)))])
     scale = stature / 1.75 * METRES["cm"] / METRES["inch"]
     columns = tuple(range(len(raw.joint_names)))
-    poses = RowPoses(pos=raw.joint_pos_w * scale, quat=raw.joint_quat_w, columns=columns)
+    poses = RowPoses(rows=(raw.joint_pos_w * scale, raw.joint_quat_w), columns=columns)
     motion = dataclasses.replace(raw, rest_offset=raw.rest_offset * scale, poses=poses)
     try:
         understood = to_human(motion, "person", Statement(unit="cm") if stated else Statement())

@@ -76,28 +76,20 @@ def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
     pad = min(int(3 * fps / cutoff_hz), len(values) - 1)
     if pad < int(fps / cutoff_hz):
         return np.array(values, dtype=float)
-    return _forward_and_back(values, pad, *_low_pass(float(raised), float(fps)))
-
-
-def _forward_and_back(values: np.ndarray, pad: int, sections: np.ndarray, settled: np.ndarray) -> np.ndarray:
-    """The bits of `scipy.signal.sosfiltfilt` with an odd extension by `pad` frames; `settled` is not sought again."""
     from scipy.signal import sosfilt  # 25 MB that readers do without
 
-    start = 2 * values[:1] - values[pad:0:-1]
-    stop = 2 * values[-1:] - values[-2 : -(pad + 2) : -1]
-    extended = np.concatenate((start, values, stop), axis=0)
-    settled = settled.reshape(len(sections), 2, *([1] * (values.ndim - 1)))
-    forward, _ = sosfilt(sections, extended, axis=0, zi=settled * extended[:1])
-    back, _ = sosfilt(sections, forward[::-1], axis=0, zi=settled * forward[-1:])
-    return back[::-1][pad:-pad]
+    sections, settled = _low_pass(float(raised), float(fps))
+    settled = settled.reshape(1, 2, *([1] * (values.ndim - 1)))
+    before, after = 2.0 * values[:1] - values[pad:0:-1], 2.0 * values[-1:] - values[-2 : -2 - pad : -1]
+    padded = np.concatenate([before, values, after])
+    once = sosfilt(sections, padded, axis=0, zi=settled * padded[:1])[0][::-1]
+    return sosfilt(sections, once, axis=0, zi=settled * once[:1])[0][::-1][pad:-pad]
 
 
 @functools.cache
 def _low_pass(cutoff_hz: float, fps: float) -> tuple[np.ndarray, np.ndarray]:
-    """Second-order sections of a Butterworth low pass of order 2, and their states settled on a constant 1.
-
-    Designing them takes longer than running them.
-    """
+    """Second-order sections of a Butterworth low pass of order 2 and their state after a long time of 1; designing it
+    takes longer than running it."""
     from scipy.signal import butter, sosfilt_zi
 
     sections = np.asarray(butter(2, cutoff_hz, fs=fps, output="sos"))

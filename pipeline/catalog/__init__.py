@@ -7,5 +7,3 @@
 
 from pipeline.catalog.catalogue import catalogue, catalogue_file, correct
 from pipeline.catalog.time_base import CatalogSettings, judge
-
-__all__ = ["CatalogSettings", "catalogue", "catalogue_file", "correct", "judge"]

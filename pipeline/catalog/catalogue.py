@@ -1,7 +1,5 @@
 """The stage: one file's motion, measured and labelled, with the defects of the whole file corrected."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -107,7 +105,7 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
         clip = each_once(clip, times, first)
     time_base = person = None
     if isinstance(clip, HumanClip):
-        person = bridged(clip, settings)
+        person = Person(clip=bridge_positions(clip, settings.bridge_s))
         time_base = judge(person, read.skeleton, settings.time_base)
     if time_base is not None and time_base.contradicted:
         reason = _contradicted(clip, time_base, rate_is_stated)
@@ -209,8 +207,7 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Pers
 
     `recorded_share`: of the frames with a speed, how many were recorded and not bridged.
 
-    Short gaps are bridged first; `person` is `bridged(clip)` if that is known already. None is the value of what
-    cannot be measured.
+    Short gaps are bridged first (`person`, if that is known already). What cannot be measured is None.
     """
     motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)
     speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
@@ -225,7 +222,7 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Pers
     }
     if not isinstance(clip, HumanClip):
         return numbers
-    person = person or bridged(clip, settings)
+    person = person or Person(clip=bridge_positions(clip, settings.bridge_s))
     rate, leg = person.step_rate, person.leg_length
     return {
         **numbers,
@@ -240,11 +237,6 @@ def missing_frames(clip: HumanClip | RobotClip) -> int:
     """Frames in which any number is missing."""
     arrays = [each for each in vars(clip).values() if isinstance(each, np.ndarray) and each.dtype.kind == "f"]
     return int(np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0).sum())
-
-
-def bridged(clip: HumanClip, settings: CatalogSettings) -> Person:
-    """A person's clip with its short gaps bridged, as gait and flights are read from it."""
-    return Person(clip=bridge_positions(clip, settings.bridge_s))
 
 
 def _stance_foot_speed(clip: HumanClip) -> float | None:

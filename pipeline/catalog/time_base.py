@@ -11,13 +11,11 @@ represents the body: over correct recordings of four sources its fall is 7.4 to 
 joint positions scatters more.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -28,7 +26,7 @@ from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Keys, Pattern, Range
 from pipeline.physics import GRAVITY
-from pipeline.quality.planar_motion import facing_of
+from pipeline.quality.planar_motion import facing_of, leg_length
 
 LEAST_SPREAD = 0.15
 """Between two steps the feet's lead over each other swings by at least this share of the leg's length."""
@@ -44,8 +42,7 @@ SHORTEST_FRAMES = 4
 """Fewer frames tell no curvature."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Steps:
+class Steps(NamedTuple):
     """Steps ahead, in the order of time."""
 
     frames: Float[np.ndarray, " n"]
@@ -76,18 +73,10 @@ class Person:
 
     @functools.cached_property
     def leg_length(self) -> float:
-        """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
-        sides = []
-        for side in FEET:
-            hip, knee, ankle = (self.clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
-            length = rotation.length(knee - hip) + rotation.length(ankle - knee)
-            length = length[np.isfinite(length)]
-            sides.append(float(np.median(length)) if len(length) else float("nan"))
-        return sum(sides) / len(sides)
+        return leg_length(self.clip)
 
     @functools.cached_property
     def facing(self) -> np.ndarray:
-        """Horizontal normal of the line between the hips (t, 2), unit."""
         return facing_of(self.clip)
 
     @functools.cached_property

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,9 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.errors import FileError, PipelineError
 from pipeline.files.csv_json import without_nan
+from pipeline.quality.planar_motion import leg_length
 from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES
-from pipeline.viewing.human_figure import leg_length
 
 WINDOW_NUMBERS = ("skill", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
 
@@ -77,6 +78,7 @@ def inspect_file(chain: Chain, path: Path, stated: Statement) -> Inspection:
         usable_s += sum(each.clip.duration_s for each in repaired.pieces)
         pieces = len(repaired.pieces)
     speed = chain.speeds(clip)
+    leg = leg_length(clip) if isinstance(clip, HumanClip) else math.nan
     return Inspection(
         file=str(path),
         kind="human" if isinstance(clip, HumanClip) else "robot",
@@ -89,7 +91,7 @@ def inspect_file(chain: Chain, path: Path, stated: Statement) -> Inspection:
         fps=clip.fps,
         frames=clip.frame_count,
         seconds=clip.duration_s,
-        leg_length=leg_length(clip) if isinstance(clip, HumanClip) else None,
+        leg_length=leg if math.isfinite(leg) else None,
         speed_mean=float(speed.mean()) if len(speed) else None,
         speed_max=float(speed.max()) if len(speed) else None,
         usable_seconds=usable_s,

@@ -5,8 +5,6 @@ is not in it: windows of one clip share its bytes, and the caller keeps the name
 that a clip's frames are finite, its quaternions unit and its shapes consistent.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """A human motion on the canonical skeleton, whatever file it came from."""
 
-from __future__ import annotations
-
 import dataclasses
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

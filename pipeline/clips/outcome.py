@@ -1,7 +1,5 @@
 """The result of a stage for one clip: the pieces that are kept, the reasons, and the numbers; labels of skills."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -37,7 +35,7 @@ class Reason:
     @classmethod
     def of_frames(
         cls, code: str, text: str, effect: str, frames: tuple[int, int], fps: float, **numbers: Any
-    ) -> Reason:
+    ) -> "Reason":
         """A fact about frames [first, last) of a clip at `fps` [Hz]; `numbers`: value, limit and unit."""
         first, last = frames
         return cls(code=code, text=text, effect=effect, start_s=first / fps, stop_s=last / fps, **numbers)

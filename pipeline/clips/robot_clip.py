@@ -1,7 +1,5 @@
 """A motion of a robot: root and joints over time, joints in the robot file's order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +22,7 @@ class SimulatedForces:
     push_w: Float[np.ndarray, "t 3"]
     """External force on the root link [N]: the pushes of a disturbed rollout."""
 
-    def cut(self, start: int, stop: int) -> SimulatedForces:
+    def cut(self, start: int, stop: int) -> "SimulatedForces":
         """Frames [start, stop)."""
         return SimulatedForces(**{name: values[start:stop].copy() for name, values in vars(self).items()})
 

@@ -1,7 +1,5 @@
 """A robot on flat ground in DART, with the `Plant` interface: torques in, state and foot forces out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from xml.etree import ElementTree as Xml
 

@@ -3,18 +3,3 @@
 from pipeline.deployment.controller import History, PolicyController, frame
 from pipeline.deployment.policy import Policy, PolicyGains, digest, find_policy, load_policy, save_policy
 from pipeline.deployment.task import DeploymentTask, deployment_task, policy_task
-
-__all__ = [
-    "DeploymentTask",
-    "History",
-    "Policy",
-    "PolicyController",
-    "PolicyGains",
-    "deployment_task",
-    "digest",
-    "find_policy",
-    "frame",
-    "load_policy",
-    "policy_task",
-    "save_policy",
-]

@@ -1,7 +1,5 @@
 """The policy controller: sensor readings in, joint targets out, one control step at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 
@@ -12,7 +10,6 @@ from pipeline.errors import PipelineError
 
 def frame(
     task: DeploymentTask,
-    *,
     gyro_b: Float[np.ndarray, " 3"],
     gravity_b: Float[np.ndarray, " 3"],
     command: Float[np.ndarray, " 3"],
@@ -42,7 +39,7 @@ class History:
     def __init__(self, task: DeploymentTask):
         self._frames = np.zeros((task.history, task.frame_size))
 
-    def copy(self) -> History:
+    def copy(self) -> "History":
         """A copy of the history."""
         twin = object.__new__(History)
         twin._frames = self._frames
@@ -88,7 +85,7 @@ class PolicyController:
         self.observation: Float[np.ndarray, " n"] = np.zeros(self.task.observation_size)
         """The latest observation."""
 
-    def fork(self) -> PolicyController:
+    def fork(self) -> "PolicyController":
         """A copy in the same state."""
         twin = PolicyController(self.task, self.policy)
         twin._history = self._history.copy()
@@ -103,16 +100,8 @@ class PolicyController:
         joint_pos: Float[np.ndarray, " j"],
         joint_vel: Float[np.ndarray, " j"],
     ) -> Float[np.ndarray, " j"]:
-        """Position targets [rad] of all joints in the robot's order; see `observation.frame` for the arguments."""
-        newest = frame(
-            self.task,
-            gyro_b=gyro_b,
-            gravity_b=gravity_b,
-            command=command,
-            joint_pos=joint_pos,
-            joint_vel=joint_vel,
-            last_action=self.last_action,
-        )
+        """Position targets [rad] of all joints in the robot's order; see `frame` for the arguments."""
+        newest = frame(self.task, gyro_b, gravity_b, command, joint_pos, joint_vel, self.last_action)
         self.observation = self._history.push(newest)
         self.last_action = self.policy.act(self.observation)
         targets = self.task.default_joint_pos.copy()

@@ -4,8 +4,6 @@ Arrays of the file: `mean, std, eps` and layers `L0_w, L0_b, …` (ELU between, 
 gains it was trained with as `joint_names, kp, kd, default_joint_pos`, and examples `golden_observation, golden_action`.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterable
@@ -18,12 +16,12 @@ from jaxtyping import Float
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files import digest as digests
-from pipeline.files.npz import NpzCaps, read_npz_header
+from pipeline.files.npz import read_npz_header
 
 GAINS = ("kp", "kd", "default_joint_pos")
 GOLDEN = ("golden_observation", "golden_action")
 LAYER = re.compile(r"L[0-9]+_[wb]")
-CAPS = NpzCaps(members=200, member_bytes=64_000_000, total_bytes=64_000_000, ratio=1_000)
+MOST_BYTES = 64_000_000
 """Of the file: a network of three layers of 512 has 2 MB."""
 EXAMPLE_TOLERANCE = 1e-3
 """Largest deviation of an action from the file's example, as a share of the largest action or of 1 if that is larger;
@@ -126,7 +124,7 @@ def _arrays(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the npz of a policy.")
     try:
-        header = read_npz_header(path, CAPS)
+        header = read_npz_header(path, MOST_BYTES)
         names = header.texts("joint_names") if header.has("joint_names") else ()
         return {name: header.array(name) for name in sorted(header.numeric)}, names
     except FileError as error:

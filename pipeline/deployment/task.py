@@ -1,7 +1,5 @@
 """The deployment task: joints, default pose, gains, rates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -71,7 +69,7 @@ def deployment_task(
     return DeploymentTask(
         robot=robot.name,
         joint_names=robot.joint_names,
-        policy_joints=breadth_first(robot),
+        policy_joints=robot.policy_joints,
         default_joint_pos=np.array(robot.default_joint_pos if default_joint_pos is None else default_joint_pos),
         kp=np.array(robot.kp if kp is None else kp),
         kd=np.array(robot.kd if kd is None else kd),
@@ -91,19 +89,6 @@ def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
         for values in (gains.kp, gains.kd, gains.default_joint_pos)
     )
     return deployment_task(robot, kp=kp, kd=kd, default_joint_pos=default)
-
-
-def breadth_first(robot: Robot) -> tuple[str, ...]:
-    """The controlled joints level by level of the kinematic tree, each level in the order of its links.
-
-    It is the order in which Isaac Sim numbers joints, and so that of Booster's published policies.
-    """
-    tree = robot.tree
-    level, names = [0], []
-    while level:
-        level = [link for parent in level for link in np.flatnonzero(tree.parent == parent)]
-        names += [robot.joint_names[tree.joint[link]] for link in level]
-    return tuple(name for name in names if name in robot.controlled)
 
 
 def in_order(values: np.ndarray, names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:

@@ -26,7 +26,6 @@ from jaxtyping import Float
 from pipeline import rotation, time_series
 from pipeline.actuators.adapted_robot import motors_source, read_actuators
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.deployment.task import breadth_first
 from pipeline.expert.frames import FPS
 from pipeline.expert.index import database_version
 from pipeline.expert.read import Database, DatabaseClip, read_database
@@ -126,7 +125,7 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "root_link": robot.root_link,
         "joint_names": robot.joint_names,
         "controlled": robot.controlled,
-        "policy_joints": breadth_first(robot),
+        "policy_joints": robot.policy_joints,
         "default_joint_pos": robot.default_joint_pos.tolist(),
         "default_root_height": robot.default_root_height,
         "fall_height": fall_height(robot),

@@ -20,10 +20,11 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.deployment import DeploymentTask, Policy
+from pipeline.deployment.policy import MOST_BYTES
 from pipeline.errors import FileError
 from pipeline.export.card import check_stated
 from pipeline.export.metadata import as_texts, from_texts, metadata
-from pipeline.files.npz import NpzCaps, check_torch_archive
+from pipeline.files.npz import check_torch_archive
 
 OPSET = 17
 IR_VERSION = 8
@@ -109,8 +110,6 @@ def _tensors(model: onnx.ModelProto) -> list[TensorProto]:
 
 FACTS = "metadata.json"
 """Name of the archive's extra file with the metadata."""
-CAPS = NpzCaps(members=200, member_bytes=64_000_000, total_bytes=64_000_000, ratio=1_000)
-"""Of a TorchScript archive, as of a policy's npz."""
 _ALIGNMENT = 64
 """Alignment of tensors in an archive that torch maps into memory [bytes]."""
 
@@ -150,12 +149,12 @@ def to_torch_script(task: DeploymentTask, policy: Policy) -> bytes:
 def read_torch_script(path: Path) -> tuple[Any, dict[str, Any]]:
     """The module and its metadata, loaded as booster_deploy does.
 
-    Raises FileError for what is no TorchScript archive, or is larger than `CAPS` when inflated. A checkpoint is a
+    Raises FileError for what is no TorchScript archive, or larger than a policy when inflated. A checkpoint is a
     pickle, which may hold code that runs when it is read, and is not opened here.
     """
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the TorchScript file of an exported policy.")
-    if not any("/code/" in name for name in check_torch_archive(path, CAPS)):
+    if not any("/code/" in name for name in check_torch_archive(path, MOST_BYTES)):
         raise FileError(path, "is a checkpoint or another archive without code/.", "Export the policy as TorchScript.")
     extra = {FACTS: ""}
     try:

@@ -20,7 +20,7 @@ from pipeline.export.card import check_stated
 from pipeline.export.metadata import ExportError
 from pipeline.export.networks import read_onnx, read_torch_script
 from pipeline.files import atomic
-from pipeline.files.npz import NpzCaps, read_npz_header
+from pipeline.files.npz import read_npz_header
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.run import run
@@ -30,7 +30,6 @@ from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 SECONDS = 1.0
 COMMAND = (0.6, -0.2, 0.3)
 """Forward and lateral velocity [m/s] and yaw rate [rad/s]; three different numbers, so that a swap shows."""
-CAPS = NpzCaps(members=50, member_bytes=100_000_000, total_bytes=100_000_000, ratio=1_000)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +92,7 @@ def write_golden(path: Path, golden: GoldenVectors) -> None:
 def read_golden(path: Path) -> GoldenVectors:
     """The golden vectors of an npz. Raises FileError, also where a card beside it states another content."""
     check_stated(path)
-    header = read_npz_header(path, CAPS)
+    header = read_npz_header(path, most_bytes=100_000_000)
     names = [each.name for each in fields(GoldenVectors)]
     missing = [name for name in names if name not in header.numeric or len(header.shapes[name]) != 2]
     if missing:

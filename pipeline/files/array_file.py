@@ -1,7 +1,5 @@
 """Named arrays of a file, checked when they are taken, whatever the file's format."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path

@@ -3,8 +3,6 @@
 The memo of the batch layer and its blobs do without: what is lost or torn by a power cut is made again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -4,8 +4,6 @@ A file is known by size, times of change and inode. The time of its inode's chan
 it, so that a file changed in place and given its old time back is read again.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import time

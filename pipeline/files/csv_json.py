@@ -1,7 +1,5 @@
 """CSV and JSON files that people write: bounded in size, UTF-8, and every fault of a table with its line."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

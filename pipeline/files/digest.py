@@ -1,23 +1,12 @@
 """Content digests: of bytes, files, folders and JSON values. SHA-256, hex."""
 
-from __future__ import annotations
-
 import hashlib
 import json
-from collections.abc import Iterable
 from pathlib import Path
 
 
 def of_bytes(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
-
-
-def of_parts(parts: Iterable[bytes]) -> str:
-    """Digest of the bytes that the parts are together."""
-    made = hashlib.sha256()
-    for part in parts:
-        made.update(part)
-    return made.hexdigest()
 
 
 def of_file(path: Path) -> str:

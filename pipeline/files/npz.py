@@ -4,8 +4,6 @@ NumPy: never an object array. torch inflates whatever size is claimed, and does 
 maps into memory; so `check_torch_archive` does.
 """
 
-from __future__ import annotations
-
 import errno
 import lzma
 import pickle
@@ -42,17 +40,8 @@ def raise_fault_of_disk(error: Exception) -> None:
         raise error
 
 
-@dataclass(frozen=True, kw_only=True)
-class NpzCaps:
-    """How large an archive may be."""
-
-    members: int
-    member_bytes: int
-    """Of one array when it is inflated."""
-    total_bytes: int
-    """Of all arrays when they are inflated."""
-    ratio: int
-    """Bytes of an array over those it takes in the archive."""
+MOST_MEMBERS, MOST_RATIO, MOST_BYTES = 1_000, 1_000, 2_000_000_000
+"""Of an archive: members, bytes of an array over those it takes in the archive, bytes of all arrays when inflated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +73,7 @@ class NpzHeader(ArrayFile):
             raise FileError(self.path, f"'{name}' can't be read: {first_words(str(error))}.") from error
 
 
-def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
+def read_npz_header(path: Path, most_bytes: int = MOST_BYTES) -> NpzHeader:
     """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated;
     OSError for a fault of the disk."""
     if not path.is_file():
@@ -96,7 +85,7 @@ def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
     numeric: set[str] = set()
     try:
         with zipfile.ZipFile(path) as archive:
-            check_sizes(path, archive.infolist(), caps)
+            check_sizes(path, archive.infolist(), most_bytes)
             for info in archive.infolist():
                 name = info.filename.removesuffix(".npy")
                 with archive.open(info) as stream:
@@ -119,18 +108,18 @@ def first_words(text: str) -> str:
     return " ".join(text[:120].encode("ascii", "replace").decode().split())
 
 
-def check_sizes(path: Path, members: list[zipfile.ZipInfo], caps: NpzCaps) -> None:
-    if len(members) > caps.members:
-        raise FileError(path, f"the archive has {len(members)} members, more than the {caps.members} allowed.")
+def check_sizes(path: Path, members: list[zipfile.ZipInfo], most_bytes: int = MOST_BYTES) -> None:
+    if len(members) > MOST_MEMBERS:
+        raise FileError(path, f"the archive has {len(members)} members, more than the {MOST_MEMBERS} allowed.")
     for info in members:
-        if info.file_size > caps.member_bytes or info.file_size > caps.ratio * max(info.compress_size, 1_000):
+        if info.file_size > MOST_RATIO * max(info.compress_size, 1_000):
             problem = (
                 f"'{info.filename[:60]}' inflates from {info.compress_size} to {info.file_size} bytes, not allowed."
             )
             raise FileError(path, problem)
     total = sum(info.file_size for info in members)
-    if total > caps.total_bytes:
-        raise FileError(path, f"the archive inflates to {total} bytes, more than the {caps.total_bytes} allowed.")
+    if total > most_bytes:
+        raise FileError(path, f"the archive inflates to {total} bytes, more than the {most_bytes} allowed.")
 
 
 def _header(stream: page_memory.Readable) -> tuple[tuple[int, ...], bool, np.dtype]:
@@ -152,19 +141,19 @@ def _read_member(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     return array.T if columns_first else array
 
 
-def check_torch_archive(path: Path, caps: NpzCaps) -> tuple[str, ...]:
+def check_torch_archive(path: Path, most_bytes: int) -> tuple[str, ...]:
     """Names of an archive's members.
 
     Raises FileError for what is no zip archive (torch wrote others before 1.6; their pickles claim sizes for which
     torch takes memory before it reads), is damaged, or is too large when inflated; OSError for a fault of the disk.
     """
     size = path.stat().st_size
-    if size > caps.total_bytes:
-        raise FileError(path, f"has {size} bytes, more than the {caps.total_bytes} allowed.")
+    if size > most_bytes:
+        raise FileError(path, f"has {size} bytes, more than the {most_bytes} allowed.")
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
-            check_sizes(path, members, caps)
+            check_sizes(path, members, most_bytes)
             damaged = archive.testzip()
     except DAMAGED_NPZ as error:
         raise_fault_of_disk(error)

@@ -1,7 +1,5 @@
 """Arrays in memory of their own, which goes back to the system page by page while they are read for the last time."""
 
-from __future__ import annotations
-
 import math
 import mmap
 from typing import Any, Protocol, runtime_checkable

@@ -7,8 +7,6 @@ Every entry of a list or a mapping is checked by itself; None is not checked. Fa
 are raised by its `__post_init__` (`check`).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

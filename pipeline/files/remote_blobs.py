@@ -1,7 +1,5 @@
 """Blobs at a URL that several machines reach, such as `s3://bucket/booster-lab`, through fsspec."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ The safe loader alone is not enough: duplicate keys, anchors and aliases are ref
 allowed values (`pipeline.files.ranges`) and the unit (`pipeline.files.sourced`).
 """
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import functools

@@ -4,8 +4,6 @@ Markdown is rendered with whatever HTML is in it by the viewer, and by other pro
 character that could mean something is written as a character reference, which all of them show as the character.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 

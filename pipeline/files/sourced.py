@@ -8,8 +8,6 @@ and in the settings object the bare number: another sentence is no other setting
 reason.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -9,5 +9,3 @@ tells what is in them.
 
 from pipeline.generator.generate import Generated, generate
 from pipeline.generator.recipes import RECIPES
-
-__all__ = ["RECIPES", "Generated", "generate"]

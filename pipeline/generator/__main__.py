@@ -1,7 +1,5 @@
 """`python -m pipeline.generator FOLDER` writes the motions that ship with the project."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -4,12 +4,10 @@ The root turns by Y, X, Z so that no heading is singular, all other joints by Z,
 knee bent by more than a right angle nor a hanging arm is. Rotations multiply in the order of the channels.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
-from pipeline import rotation
 from pipeline.generator import skeleton
 from pipeline.generator.skeleton import Motion
 
@@ -53,19 +51,8 @@ def _to_y_up(vectors: np.ndarray) -> np.ndarray:
 
 def _angles_deg(quat: np.ndarray, order: str) -> Float[np.ndarray, "t 3"]:
     """Angles about the file's axes, multiplied in `order`, without jumps of 360 degrees [deg]."""
-    wxyz = np.concatenate([quat[:, :1], _to_y_up(quat[:, 1:])], axis=-1)
-    matrix = rotation.to_matrix(wxyz)
-    first, middle, last = ("XYZ".index(axis) for axis in order)
-    sign = 1.0 if (middle - first) % 3 == 1 else -1.0
-    angles = np.stack(
-        [
-            np.arctan2(-sign * matrix[:, middle, last], matrix[:, last, last]),
-            np.arcsin(np.clip(sign * matrix[:, first, last], -1.0, 1.0)),
-            np.arctan2(-sign * matrix[:, first, middle], matrix[:, first, first]),
-        ],
-        axis=-1,
-    )
-    return np.rad2deg(np.unwrap(angles, axis=0))
+    xyzw = np.concatenate([_to_y_up(quat[:, 1:]), quat[:, :1]], axis=-1)
+    return np.rad2deg(np.unwrap(Rotation.from_quat(xyzw).as_euler(order), axis=0))
 
 
 def _hierarchy(name: str, depth: int) -> list[str]:

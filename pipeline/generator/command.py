@@ -1,7 +1,5 @@
 """The command of a clip: levels of speed joined by smooth ramps, and the resulting path."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

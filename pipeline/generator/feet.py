@@ -7,8 +7,6 @@ ends, plus a bump that vanishes with its second derivative at both ends: twice c
 differentiable throughout.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 """Times and positions of footholds. A foothold is beside the path at the middle of its stance, so
 that the feet keep exactly the commanded speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Speeds are arrays over time: forward and lateral [m/s], yaw rate [rad/s]. Where 
 for the sake of a small robot (shorter slow steps, wider step), the docstring says so.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 WALK, RUN = "walk", "run"

@@ -1,7 +1,5 @@
 """Generate a recipe's motion: ground truth as a HumanClip, and the same motion as BVH."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

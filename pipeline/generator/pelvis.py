@@ -1,7 +1,5 @@
 """The pelvis over the feet: along the path, swaying, turning, and as high as the legs allow."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

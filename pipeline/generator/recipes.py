@@ -3,8 +3,6 @@
 A sidecar is its description, expected results in the pipeline, and seconds of each commanded skill.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -165,86 +163,58 @@ def _levels(command: str, *values: float) -> tuple[Level, ...]:
     return tuple(Level(hold_s=HOLD_S, **{command: value}) for value in values)
 
 
+def _from_stand(command: str, *values: float) -> tuple[Level, ...]:
+    return _still(1.0), *_levels(command, *values)
+
+
 def _still(hold_s: float) -> Level:
     return Level(hold_s=hold_s)
 
 
-def _recipe(name: str, seed: int, what: str, *levels: Level, gait: str = "walk", ramp_s: float = 1.0) -> Recipe:
-    return Recipe(name=name, what=what, levels=levels, seed=seed, gait=gait, ramp_s=ramp_s)
+def _curves(sign: float) -> tuple[Level, ...]:
+    wide, tight = (1.2, 0.5), (0.8, 0.8)
+    return tuple(Level(hold_s=4.5, forward=forward, yaw_rate=sign * rate) for forward, rate in (wide, tight))
 
 
-_RECIPES = (
-    _recipe("stand", 1, "Stands, swaying a little.", _still(8.0)),
-    _recipe(
-        "walk_slow",
-        2,
-        "From standing to slow walking: .3, .4 and .55 m/s.",
-        _still(1.0),
-        *_levels("forward", 0.3, 0.4, 0.55),
-    ),
-    _recipe("walk", 3, "Walks straight ahead at .7, .95 and 1.2 m/s.", *_levels("forward", 0.7, 0.95, 1.2)),
-    _recipe("walk_fast", 4, "Walks fast straight ahead at 1.4, 1.7 and 1.97 m/s.", *_levels("forward", 1.4, 1.7, 1.97)),
-    _recipe(
-        "run_easy", 5, "Runs easily at 2.08, 2.36 and 2.64 m/s.", *_levels("forward", 2.08, 2.36, 2.64), gait="run"
-    ),
-    _recipe("run_fast", 6, "Runs at 2.92, 3.2 and 3.5 m/s.", *_levels("forward", 2.92, 3.2, 3.5), gait="run"),
-    _recipe(
-        "back",
-        7,
+_STOPS = (_still(1.5), Level(hold_s=2.5, forward=1.0), _still(2.2), Level(hold_s=2.5, forward=1.5), _still(2.2))
+_SOUND: dict[str, tuple[str, tuple[Level, ...]]] = {
+    "stand": ("Stands, swaying a little.", (_still(8.0),)),
+    "walk_slow": ("From standing to slow walking: .3, .4 and .55 m/s.", _from_stand("forward", 0.3, 0.4, 0.55)),
+    "walk": ("Walks straight ahead at .7, .95 and 1.2 m/s.", _levels("forward", 0.7, 0.95, 1.2)),
+    "walk_fast": ("Walks fast straight ahead at 1.4, 1.7 and 1.97 m/s.", _levels("forward", 1.4, 1.7, 1.97)),
+    "run_easy": ("Runs easily at 2.08, 2.36 and 2.64 m/s.", _levels("forward", 2.08, 2.36, 2.64)),
+    "run_fast": ("Runs at 2.92, 3.2 and 3.5 m/s.", _levels("forward", 2.92, 3.2, 3.5)),
+    "back": (
         "From standing to walking backwards: .3, .6, .85 and 1.06 m/s.",
-        _still(1.0),
-        *_levels("forward", -0.3, -0.6, -0.85, -1.06),
+        _from_stand("forward", -0.3, -0.6, -0.85, -1.06),
     ),
-    _recipe(
-        "side_left",
-        8,
-        "From standing to steps to the left: .35, .7 and 1.06 m/s.",
-        _still(1.0),
-        *_levels("lateral", 0.35, 0.7, 1.06),
-    ),
-    _recipe(
-        "side_right",
-        9,
+    "side_left": ("From standing to steps to the left: .35, .7 and 1.06 m/s.", _from_stand("lateral", 0.35, 0.7, 1.06)),
+    "side_right": (
         "From standing to steps to the right: .35, .7 and 1.06 m/s.",
-        _still(1.0),
-        *_levels("lateral", -0.35, -0.7, -1.06),
+        _from_stand("lateral", -0.35, -0.7, -1.06),
     ),
-    _recipe(
-        "turn_left",
-        10,
+    "turn_left": (
         "Turns in place to the left at .65, 1.1 and 1.6 rad/s, then stops.",
-        *(_still(1.0), *_levels("yaw_rate", 0.65, 1.1, 1.6), _still(1.5)),
+        (*_from_stand("yaw_rate", 0.65, 1.1, 1.6), _still(1.5)),
     ),
-    _recipe(
-        "turn_right",
-        11,
+    "turn_right": (
         "Turns in place to the right at .65, 1.1 and 1.6 rad/s, then stops.",
-        *(_still(1.0), *_levels("yaw_rate", -0.65, -1.1, -1.6), _still(1.5)),
+        (*_from_stand("yaw_rate", -0.65, -1.1, -1.6), _still(1.5)),
     ),
-    _recipe(
-        "curve_left",
-        12,
-        "Walks curves to the left, wide and fast, then tight and slow.",
-        Level(hold_s=4.5, forward=1.2, yaw_rate=0.5),
-        Level(hold_s=4.5, forward=0.8, yaw_rate=0.8),
-    ),
-    _recipe(
-        "curve_right",
-        13,
-        "Walks curves to the right, wide and fast, then tight and slow.",
-        Level(hold_s=4.5, forward=1.2, yaw_rate=-0.5),
-        Level(hold_s=4.5, forward=0.8, yaw_rate=-0.8),
-    ),
-    _recipe(
-        "start_stop",
-        14,
-        "Stands, walks at 1.0 m/s, stops, walks at 1.5 m/s, stops.",
-        *(_still(1.5), Level(hold_s=2.5, forward=1.0), _still(2.2), Level(hold_s=2.5, forward=1.5), _still(2.2)),
-        ramp_s=1.2,
-    ),
-)
+    "curve_left": ("Walks curves to the left, wide and fast, then tight and slow.", _curves(1.0)),
+    "curve_right": ("Walks curves to the right, wide and fast, then tight and slow.", _curves(-1.0)),
+    "start_stop": ("Stands, walks at 1.0 m/s, stops, walks at 1.5 m/s, stops.", _STOPS),
+}
+_FURTHER: dict[str, dict[str, Any]] = {
+    "run_easy": {"gait": "run"},
+    "run_fast": {"gait": "run"},
+    "start_stop": {"ramp_s": 1.2},
+}
 
-RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in _RECIPES}
+RECIPES: dict[str, Recipe] = {
+    name: Recipe(name=name, what=what, levels=levels, seed=seed, **_FURTHER.get(name, {}))
+    for seed, (name, (what, levels)) in enumerate(_SOUND.items(), start=1)
+}
 
 
 README = """# Motions that ship with the project

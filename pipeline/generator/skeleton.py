@@ -6,8 +6,6 @@ closer together than the body is wide (Seidel et al., J. Biomech. 28, 1995: 0.24
 18 cm between the centres). The rest pose is a T: identity rotations, arms straight out to the sides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -20,9 +20,9 @@ BATCH = 512
 class BagReader:
     """One pass over a file, as `McapReader` makes one."""
 
-    def __init__(self, path: Path, report: LogReport, bounds: Bounds):
-        self.path, self.report, self.bounds = path, report, bounds
-        self.channels = Channels(bounds)
+    def __init__(self, path: Path, report: LogReport):
+        self.path, self.report = path, report
+        self.channels = Channels()
         self.metadata: dict[str, dict[str, str]] = {}
         self.contradicted: set[str] = set()
         self.summary: Summary | None = None
@@ -35,7 +35,7 @@ class BagReader:
         self.report.unchecked += 1
         try:
             with closing(sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True)) as bag:
-                bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self.bounds.record_bytes)
+                bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, Bounds.record_bytes)
                 bag.execute("PRAGMA trusted_schema = OFF")
                 self._define(bag)
                 yield from self._messages(bag)
@@ -57,8 +57,8 @@ class BagReader:
                 text = ("ros2msg", schema_text(TOPICS[topic]))
             schema = Schema(name=str(kind), encoding=text[0], text=text[1]) if text else None
             self.channels.channels[int(number)] = Channel(topic=str(topic), encoding=str(encoding), schema=schema)
-            if len(self.channels.channels) > self.bounds.channels:
-                raise self.report.refuse(f"more than {self.bounds.channels} topics")
+            if len(self.channels.channels) > Bounds.channels:
+                raise self.report.refuse(f"more than {Bounds.channels} topics")
 
     def _definitions(self, bag: sqlite3.Connection) -> dict[str, tuple[str, str]]:
         """Encoding and text by message type, where the bag has them."""
@@ -73,8 +73,8 @@ class BagReader:
         rows = bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
         while batch := rows.fetchmany(BATCH):
             total += len(batch)
-            if total > self.bounds.messages:
-                raise self.report.refuse(f"more than {self.bounds.messages} messages")
+            if total > Bounds.messages:
+                raise self.report.refuse(f"more than {Bounds.messages} messages")
             sound = [row for row in batch if tuple(map(type, row)) == (int, int, bytes)]
             if len(sound) < len(batch):
                 yield self.report.lose(0, f"{len(batch) - len(sound)} rows of the bag hold no message")

@@ -61,11 +61,6 @@ def held_columns(topic: str, rows: np.ndarray, ankles: np.ndarray) -> Columns:
     return {HELD[topic][0]: np.stack([rows[name] for name in names], axis=1)}
 
 
-def pressed(rows: np.ndarray) -> np.ndarray:
-    """(m, buttons) bool of `/remote_controller_state`."""
-    return np.stack([rows[name] != 0 for name in BUTTONS], axis=1)
-
-
 def unknown(values: np.ndarray) -> np.ndarray:
     """One row that says nothing, of the kind of `values`."""
     shape, whole = (1, *values.shape[1:]), np.issubdtype(values.dtype, np.integer)
@@ -118,9 +113,6 @@ class HeldTopic:
         return found
 
 
-Command = Float[np.ndarray, "n 3"]
-
-
 class CommandSource:
     """The command of one log.
 
@@ -140,7 +132,7 @@ class CommandSource:
         self._down = np.zeros(len(BUTTONS), dtype=bool)
         self._presses: list[tuple[int, str]] = []
 
-    def at(self, grid_ns: Int[np.ndarray, " n"], sticks: Float[np.ndarray, "n 3"]) -> Command:
+    def at(self, grid_ns: Int[np.ndarray, " n"], sticks: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Commands at the samples.
 
         Args:
@@ -162,7 +154,7 @@ class CommandSource:
 
     def note_buttons(self, time_ns: Int[np.ndarray, " m"], rows: np.ndarray) -> None:
         """Take messages of the remote: buttons that go down are events."""
-        down = pressed(rows)
+        down = np.stack([rows[name] != 0 for name in BUTTONS], axis=1)
         before = np.concatenate([self._down[None], down[:-1]])
         for row, button in np.argwhere(down & ~before).tolist():
             self._presses.append((int(time_ns[row]), BUTTONS[button]))

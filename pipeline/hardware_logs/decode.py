@@ -36,13 +36,8 @@ class JointCount:
         return count == self.count
 
 
-@dataclass(frozen=True, kw_only=True)
-class Decoded:
-    """k of the m messages."""
-
-    rows: np.ndarray
-    """(k,) of `messages.payload_dtype`."""
-    kept: Bool[np.ndarray, " m"]
+Decoded = tuple[np.ndarray, Bool[np.ndarray, " m"]]
+"""Rows of `messages.payload_dtype`, and which of the m messages they are."""
 
 
 class TopicDecoder:
@@ -70,7 +65,7 @@ class TopicDecoder:
             kept[np.flatnonzero(fits)[sound]] = True
             rows = rows if sound.all() else rows[sound]
             if kept.all():
-                return Decoded(rows=rows, kept=kept)
+                return rows, kept
         return self._slowly(view, spans, kept, rows if dtype is not None else None)
 
     def _dtype(self, view: memoryview, spans: list[tuple[int, int]]) -> np.dtype | None:
@@ -108,7 +103,7 @@ class TopicDecoder:
                 kept[index] = True
         count = self.joints.count or self.joints.allowed[0]
         dtype = payload_dtype(self.message, *[count] * len(SEQUENCES[self.message]))
-        return Decoded(rows=np.array(rows, dtype=dtype), kept=kept)
+        return np.array(rows, dtype=dtype), kept
 
     def _may_be_read(self, payload: memoryview) -> bool:
         """Of a known schema only what has another byte order, or is padded to a word, can still be read."""

@@ -1,6 +1,7 @@
 """A log file to trials: read with all damage reported, attributed, resampled, checked for plausibility."""
 
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -8,13 +9,15 @@ from typing import Any
 from pipeline.files import digest
 from pipeline.hardware_logs import missed_bars
 from pipeline.hardware_logs.bag_reader import BagReader
-from pipeline.hardware_logs.layout import Layout, LogSettings
+from pipeline.hardware_logs.layout import LogSettings, layouts
 from pipeline.hardware_logs.log_facts import FactsError, StatedFacts, stated_facts
-from pipeline.hardware_logs.log_report import Bounds, LogReport
+from pipeline.hardware_logs.log_report import LogReport
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.message_flow import MessageFlow
 from pipeline.hardware_logs.robot_log import METADATA
+from pipeline.hardware_logs.trial import Trial, read_trial
 from pipeline.hardware_logs.trial_files import OpenTrial, TrialFiles
+from pipeline.robot import Robot
 
 SUFFIXES = {".mcap": McapReader, ".db3": BagReader}
 """Formats by suffix."""
@@ -46,10 +49,9 @@ def ingest(
     name: str,
     folder: Path,
     *,
-    layouts: Mapping[int, tuple[Layout, ...]],
+    layouts: Mapping[int, tuple[Robot, ...]],
     settings: LogSettings,
     sidecar: Path | None = None,
-    bounds: Bounds | None = None,
 ) -> Ingested:
     """Read a log and write its trials into `folder`, in memory that does not grow with the log.
 
@@ -68,7 +70,7 @@ def ingest(
     known: dict[str, str] | None = None
     while True:
         report = LogReport(path)
-        source = SUFFIXES[path.suffix](path, report, bounds or Bounds())
+        source = SUFFIXES[path.suffix](path, report)
         if known is not None:
             source.metadata[METADATA] = known
         made = _read(source, name, folder, layouts, settings, sidecar)
@@ -77,11 +79,18 @@ def ingest(
         known = source.metadata[METADATA]  # it came after the first message, which it has to be known for
 
 
+def read_log(path: Path, robots: Iterable[Robot], settings: LogSettings) -> list[Trial]:
+    """The trials of a log. Raises LogError for a log that is refused."""
+    with tempfile.TemporaryDirectory(prefix="booster-lab-log-") as folder:
+        made = ingest(path, path.stem, Path(folder), layouts=layouts(robots), settings=settings)
+        return [read_trial(each.path) for each in made.trials]
+
+
 def _read(
     source: McapReader | BagReader,
     name: str,
     folder: Path,
-    layouts: Mapping[int, tuple[Layout, ...]],
+    layouts: Mapping[int, tuple[Robot, ...]],
     settings: LogSettings,
     sidecar: Path | None,
 ) -> Ingested | None:
@@ -95,13 +104,13 @@ def _read(
         stated = _facts(source, report, sidecar)
         if flow.stated is not None and flow.stated != stated:
             return None
-        layout = _layout(flow, stated, report)
-        missed, doubts = _missed(stated, layout, len(files.trials))
+        robot = _robot(flow, stated, report)
+        missed, doubts = _missed(stated, robot, len(files.trials))
         notes = (*_notes(flow, stated, report), *doubts)
         content = digest.of_file(path)
         names = [name if number == 1 else f"{name}+{number}" for number in range(1, len(files.trials) + 1)]
         heads = [
-            {**_head(each, trial, layout, stated, report, notes, content, settings), **missed}
+            {**_head(each, trial, robot, stated, report, notes, content, settings), **missed}
             for each, trial in zip(names, files.trials, strict=True)
         ]
         paths = files.finish(heads)
@@ -121,19 +130,19 @@ def _facts(source: McapReader | BagReader, report: LogReport, sidecar: Path | No
         raise report.refuse(str(error)) from error
 
 
-def _layout(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> Layout:
+def _robot(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> Robot:
     """The robot by its joints; what is stated must not contradict it."""
-    layout = flow.layout
-    if layout is None:
+    robot = flow.robot
+    if robot is None:
         raise report.refuse(flow.why_nothing())
-    if stated.facts.robot and stated.facts.robot != layout.robot:
-        joints = len(layout.joint_names)
+    if stated.facts.robot and stated.facts.robot != robot.name:
+        joints = len(robot.joint_names)
         raise report.refuse(
-            f"it is stated to be of '{stated.facts.robot}', but {joints} joints are those of '{layout.robot}'"
+            f"it is stated to be of '{stated.facts.robot}', but {joints} joints are those of '{robot.name}'"
         )
     if not flow.files.trials:
         raise report.refuse(f"it has no {flow.settings.time.min_s:g} s of /low_state in a row")
-    return layout
+    return robot
 
 
 def _notes(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> tuple[str, ...]:
@@ -143,9 +152,9 @@ def _notes(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> tuple[s
     return tuple(notes)
 
 
-def _missed(stated: StatedFacts, layout: Layout, pieces: int) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _missed(stated: StatedFacts, robot: Robot, pieces: int) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The part of the head of a log that is believed to have missed bars, and why it is not."""
-    missed, doubts = missed_bars.heard(stated.facts, layout.joint_names)
+    missed, doubts = missed_bars.heard(stated.facts, robot.joint_names)
     if missed and pieces > 1:
         return {}, (f"in which of its {pieces} trials it missed its bars is not known: they are left out.",)
     return {"missed": [asdict(each) for each in missed]} if missed else {}, doubts
@@ -154,7 +163,7 @@ def _missed(stated: StatedFacts, layout: Layout, pieces: int) -> tuple[dict[str,
 def _head(
     name: str,
     trial: OpenTrial,
-    layout: Layout,
+    robot: Robot,
     stated: StatedFacts,
     report: LogReport,
     notes: tuple[str, ...],
@@ -165,8 +174,8 @@ def _head(
     assert trial.made is not None
     return {
         "name": name,
-        "robot": layout.robot,
-        "joint_names": list(layout.joint_names),
+        "robot": robot.name,
+        "joint_names": list(robot.joint_names),
         "policy_digest": stated.facts.policy_digest,
         "command_source": trial.command_source,
         "simulated": stated.facts.simulated,

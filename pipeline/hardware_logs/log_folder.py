@@ -171,8 +171,8 @@ SUFFIX = ".txt"
 def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
     """Make `folder` hold one text for each refused log and no other; a sentence for each that can't be written.
 
-    A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is the
-    beginning of the name and a digest.
+    A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is a
+    digest of the name.
 
     Args:
         refused: name of a log, a path without suffix -> why it is refused
@@ -191,23 +191,14 @@ def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
 
 def text_paths(names: list[str]) -> dict[str, str]:
     """Where the text of each log goes, below the folder; no text has the path of another's folder."""
-    plain = {name: "/".join(map(_short, (name + SUFFIX).split("/"))) for name in names}
+    plain = {name: name + SUFFIX for name in names}
     folders = {str(parent) for path in plain.values() for parent in PurePosixPath(path).parents}
-    return {name: _with_digest(path, name) if path in folders else path for name, path in plain.items()}
+    odd = {name for name, path in plain.items() if path in folders or max(map(_size, path.split("/"))) > LONGEST_PART}
+    return plain | {name: digest.of_bytes(os.fsencode(name))[:12] + SUFFIX for name in odd}
 
 
-def _short(part: str) -> str:
-    """A part of a path, short enough for a file that is being written."""
-    data = os.fsencode(part)
-    return part if len(data) <= LONGEST_PART else _with_digest(part, part)
-
-
-def _with_digest(path: str, name: str) -> str:
-    """A path whose last part is shortened and has a digest of `name`."""
-    parent, _, last = path.rpartition("/")
-    start = os.fsencode(last.removesuffix(SUFFIX))[: LONGEST_PART - 20].decode("utf-8", "ignore")
-    made = f"{start}-{digest.of_bytes(os.fsencode(name))[:12]}{SUFFIX}"
-    return f"{parent}/{made}" if parent else made
+def _size(part: str) -> int:
+    return len(os.fsencode(part))
 
 
 def _clear(folder: Path, wanted: set[str]) -> list[str]:

@@ -29,19 +29,18 @@ class LogError(FileError):
         self.offset, self.recovered, self.reason = offset, recovered, problem
 
 
-@dataclass(frozen=True, kw_only=True)
 class Bounds:
     """How much of a file is believed. What is beyond is damage or malice."""
 
-    record_bytes: int = 64_000_000
+    record_bytes = 64_000_000
     """Of a record, and of a chunk after inflation. A recorder's chunks have 0.8 to 4 MB."""
-    total_bytes: int = 20_000_000_000
+    total_bytes = 20_000_000_000
     """Of all chunks after inflation."""
-    messages: int = 50_000_000
-    chunks: int = 200_000
+    messages = 50_000_000
+    chunks = 200_000
     """A recorder's chunk is a second or so."""
-    channels: int = 1_000
-    schema_bytes: int = 250_000
+    channels = 1_000
+    schema_bytes = 250_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,20 +108,12 @@ MIN_STRETCH = 3
 LATEST_NS = 1 << 62
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """Messages over which the clock runs on."""
-
-    index: Int[np.ndarray, " k"]
-    """In the file's order."""
-    jump: bool
-    """The clock jumped, or long nothing was received, before the first of them."""
-
-
 def stretches(
     time_ns: Int[np.ndarray, " m"], last_ns: int | None, *, back_ns: int, ahead_ns: int
-) -> tuple[Stretch, ...]:
+) -> list[tuple[Int[np.ndarray, " k"], bool]]:
     """Cut messages where the clock jumps; messages with a stamp of their own are left out.
+
+    Of each stretch the indices in the file's order, and whether the clock jumped, or long nothing was received, before.
 
     Args:
         time_ns: stamps in the file's order
@@ -133,23 +124,23 @@ def stretches(
     kept = np.flatnonzero((time_ns >= 0) & (time_ns < LATEST_NS))
     times = time_ns[kept]
     if not len(times):
-        return ()
+        return []
     steps = np.diff(times)
     breaks = np.flatnonzero((steps > ahead_ns) | (steps < -back_ns)) + 1
     groups = [group for group in np.split(np.arange(len(times)), breaks) if len(group)]
     if len(groups) > 1 or last_ns is not None:
         long = [group for group in groups if len(group) >= MIN_STRETCH]
         groups = long or [group for group in groups if _runs_on(int(times[group[0]]), last_ns, back_ns, ahead_ns)]
-    found: list[Stretch] = []
+    found: list[tuple[np.ndarray, bool]] = []
     for group in groups:
         runs_on = _runs_on(int(times[group[0]]), last_ns, back_ns, ahead_ns)
         if runs_on and found:
-            index = np.concatenate([found[-1].index, kept[group]])
-            found[-1] = Stretch(index=index, jump=found[-1].jump)
+            index, jump = found[-1]
+            found[-1] = (np.concatenate([index, kept[group]]), jump)
         else:
-            found.append(Stretch(index=kept[group], jump=not runs_on))
+            found.append((kept[group], not runs_on))
         last_ns = int(times[group].max())
-    return tuple(found)
+    return found
 
 
 def _runs_on(time_ns: int, last_ns: int | None, back_ns: int, ahead_ns: int) -> bool:

@@ -40,7 +40,6 @@ class Channel:
 class Channels:
     """Channels by number. The first definition of a number stays."""
 
-    bounds: Bounds
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
 
@@ -51,7 +50,7 @@ class Channels:
             (number,) = cursor.numbers("H")
             name, encoding = cursor.text(), cursor.text()
             data = cursor.blob()
-            if len(data) > self.bounds.schema_bytes:
+            if len(data) > Bounds.schema_bytes:
                 raise ValueError(f"a schema of {len(data)} bytes")
             self.schemas.setdefault(number, Schema(name=name, encoding=encoding, text=bytes(data).decode()))
         else:
@@ -60,8 +59,8 @@ class Channels:
             cursor.text_map()
             found = Channel(topic=topic, encoding=encoding, schema=self.schemas.get(schema))
             self.channels.setdefault(number, found)
-        if max(len(self.schemas), len(self.channels)) > self.bounds.channels:
-            raise ValueError(f"more than {self.bounds.channels} channels")
+        if max(len(self.schemas), len(self.channels)) > Bounds.channels:
+            raise ValueError(f"more than {Bounds.channels} channels")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +76,7 @@ class Summary:
     """Schemas and channels, where the checksum of the summary holds."""
 
 
-def read_summary(stream: BinaryIO, size: int, bounds: Bounds) -> Summary | None:
+def read_summary(stream: BinaryIO, size: int) -> Summary | None:
     """The summary of a file, an empty one where it says that it has none; None where it is missing or damaged."""
     end = size - len(MAGIC)
     if end < FOOTER_LENGTH:
@@ -87,7 +86,7 @@ def read_summary(stream: BinaryIO, size: int, bounds: Bounds) -> Summary | None:
     opcode, length = RECORD_HEAD.unpack_from(footer)
     start, _, crc = struct.unpack_from("<QQI", footer, RECORD_HEAD.size)
     body = end - FOOTER_LENGTH - start if start else 0
-    if footer[-8:] != MAGIC or (opcode, length) != (FOOTER, 20) or not 0 <= body <= bounds.record_bytes:
+    if footer[-8:] != MAGIC or (opcode, length) != (FOOTER, 20) or not 0 <= body <= Bounds.record_bytes:
         return None
     stream.seek(start)
     data = stream.read(body)

@@ -82,16 +82,8 @@ class Records:
     """Opcode and content of schemas and channels, in their order."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Chunk:
-    """A chunk's records after inflation."""
-
-    data: bytes
-    has_crc: bool
-
-
-def open_chunk(content: bytes, limit: int) -> Chunk:
-    """Inflate a chunk record's content. Raises ValueError with what is wrong."""
+def open_chunk(content: bytes, limit: int) -> tuple[bytes, bool]:
+    """Records in a chunk record's content after inflation, and whether it has a checksum. Raises ValueError."""
     cursor = Cursor(content)
     first, last, size, crc = cursor.numbers(CHUNK_HEAD.format[1:])
     compression = cursor.text()
@@ -105,7 +97,7 @@ def open_chunk(content: bytes, limit: int) -> Chunk:
         raise ValueError("a chunk with a wrong checksum")
     if last < first:
         raise ValueError("a chunk that ends before it starts")
-    return Chunk(data=data, has_crc=bool(crc))
+    return data, bool(crc)
 
 
 def _inflate(stored: bytes, compression: str, size: int) -> bytes:

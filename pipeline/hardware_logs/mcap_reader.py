@@ -44,8 +44,8 @@ MAX_TRIED = 1_000
 class Resync:
     """Searches one file; counts what it tried."""
 
-    def __init__(self, stream: BinaryIO, size: int, bounds: Bounds):
-        self._stream, self._size, self._bounds = stream, size, bounds
+    def __init__(self, stream: BinaryIO, size: int):
+        self._stream, self._size = stream, size
         self._tried = 0
 
     def chunk(self, start: int, offsets: Iterable[int]) -> int | None:
@@ -77,10 +77,10 @@ class Resync:
         self._stream.seek(at)
         head = self._stream.read(RECORD_HEAD.size)
         opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
-        if opcode != CHUNK or length > min(self._bounds.record_bytes, self._size - at):
+        if opcode != CHUNK or length > min(Bounds.record_bytes, self._size - at):
             return False
         try:
-            return open_chunk(self._stream.read(length), self._bounds.record_bytes).has_crc
+            return open_chunk(self._stream.read(length), Bounds.record_bytes)[1]
         except ValueError:
             return False
 
@@ -107,9 +107,9 @@ HEAD = RECORD_HEAD.size
 class McapReader:
     """One pass over a file. Iterate over `read()`; `channels` and `metadata` fill on the way."""
 
-    def __init__(self, path: Path, report: LogReport, bounds: Bounds):
-        self.path, self.report, self.bounds = path, report, bounds
-        self.channels = Channels(bounds)
+    def __init__(self, path: Path, report: LogReport):
+        self.path, self.report = path, report
+        self.channels = Channels()
         self.metadata: dict[str, dict[str, str]] = {}
         self.contradicted: set[str] = set()
         """Names of metadata records of which another one says something else."""
@@ -125,13 +125,13 @@ class McapReader:
             self._size = self.path.stat().st_size
             if self._bytes(0, 8) != MAGIC:
                 raise self.report.refuse("not an MCAP file: it does not begin with the magic", "Is it another format?")
-            self.summary = read_summary(self._stream, self._size, self.bounds)
+            self.summary = read_summary(self._stream, self._size)
             for opcode, content in self.summary.definitions if self.summary else ():
                 self.channels.define(opcode, content)
             yield from self._walk()
 
     def _walk(self) -> Iterator[Records | Loss]:
-        at, resync = len(MAGIC), Resync(self._stream, self._size, self.bounds)
+        at, resync = len(MAGIC), Resync(self._stream, self._size)
         while True:
             head = self._bytes(at, HEAD)
             self.report.offset = at
@@ -165,7 +165,7 @@ class McapReader:
 
     def _is_record(self, opcode: int, length: int, at: int) -> bool:
         """Whether a record of the data section may start here."""
-        if length > min(self.bounds.record_bytes, self._size - at - HEAD):
+        if length > min(Bounds.record_bytes, self._size - at - HEAD):
             return False
         if opcode == MESSAGE_INDEX:
             content = self._bytes(at + HEAD, 6)
@@ -183,27 +183,27 @@ class McapReader:
         if len(records.channel):
             self.report.unchecked += 1
             lengths = (records.stop - records.start + MESSAGE_HEAD.size - HEAD).tolist()
-            if len(self._lengths) < self.bounds.channels:
+            if len(self._lengths) < Bounds.channels:
                 self._lengths.update(zip(lengths, records.channel.tolist(), strict=True))
 
     def _chunk(self, at: int, length: int) -> Iterator[Records | Loss]:
         try:
-            chunk = open_chunk(self._bytes(at + HEAD, length), self.bounds.record_bytes)
-            if self.report.checked and not chunk.has_crc:
+            data, has_crc = open_chunk(self._bytes(at + HEAD, length), Bounds.record_bytes)
+            if self.report.checked and not has_crc:
                 raise ValueError("a chunk without a checksum, though others have theirs")
-            records = cut(chunk.data, whole=True)
+            records = cut(data, whole=True)
         except ValueError as error:
             yield self.report.lose(at, str(error))
             return
-        self._inflated += len(chunk.data)
-        if self._inflated > self.bounds.total_bytes:
-            raise self.report.refuse(f"more than {self.bounds.total_bytes} bytes after inflation")
-        if chunk.has_crc:
+        self._inflated += len(data)
+        if self._inflated > Bounds.total_bytes:
+            raise self.report.refuse(f"more than {Bounds.total_bytes} bytes after inflation")
+        if has_crc:
             self.report.checked += 1
         else:
             self.report.unchecked += 1
-        if self.report.checked + self.report.unchecked > self.bounds.chunks:
-            raise self.report.refuse(f"more than {self.bounds.chunks} chunks")
+        if self.report.checked + self.report.unchecked > Bounds.chunks:
+            raise self.report.refuse(f"more than {Bounds.chunks} chunks")
         yield from self._take(records, at)
 
     def _take(self, records: Records, at: int) -> Iterator[Records | Loss]:
@@ -214,8 +214,8 @@ class McapReader:
             except ValueError as error:
                 yield self.report.lose(at, f"a schema or channel that can't be read ({error})")
         self._counts.update(records.channel.tolist())
-        if self._counts.total() > self.bounds.messages:
-            raise self.report.refuse(f"more than {self.bounds.messages} messages")
+        if self._counts.total() > Bounds.messages:
+            raise self.report.refuse(f"more than {Bounds.messages} messages")
         if len(records.channel):
             yield records
 

@@ -8,7 +8,7 @@ from pipeline.errors import PipelineError
 from pipeline.hardware_logs.bag_reader import BagReader
 from pipeline.hardware_logs.columns import Columns, CommandSource, held_columns, low_state_columns, taken
 from pipeline.hardware_logs.decode import JointCount, SchemaError, TopicDecoder
-from pipeline.hardware_logs.layout import Layout, LogSettings
+from pipeline.hardware_logs.layout import LogSettings
 from pipeline.hardware_logs.log_facts import StatedFacts
 from pipeline.hardware_logs.log_report import LogReport, Loss, stretches
 from pipeline.hardware_logs.mcap_chunk import Records
@@ -17,6 +17,8 @@ from pipeline.hardware_logs.messages import TOPICS
 from pipeline.hardware_logs.plausible import Plausible, SensorWatch
 from pipeline.hardware_logs.regular import Block, Regular, Stretched
 from pipeline.hardware_logs.trial_files import TrialFiles
+from pipeline.robot import Robot
+from pipeline.robot.legs import legs_of
 
 MAX_TRIALS = 200
 """Of a log; one whose clock jumps more often is no log."""
@@ -27,20 +29,20 @@ MIN_DENSITY = 0.02
 
 
 class MessageFlow:
-    """One pass over a log. `run` once, then look at `layout`, `stated`, `remarks()`."""
+    """One pass over a log. `run` once, then look at `robot`, `stated`, `remarks()`."""
 
     def __init__(
         self,
         source: McapReader | BagReader,
         report: LogReport,
         files: TrialFiles,
-        layouts: Mapping[int, tuple[Layout, ...]],
+        layouts: Mapping[int, tuple[Robot, ...]],
         settings: LogSettings,
         facts: Callable[[], StatedFacts],
     ):
         self.source, self.report, self.files, self.settings = source, report, files, settings
         self.layouts, self._facts = layouts, facts
-        self.layout: Layout | None = None
+        self.robot: Robot | None = None
         self.stated: StatedFacts | None = None
         self._joints = JointCount(allowed=tuple(layouts))
         self._decoders: dict[int, TopicDecoder | None] = {}
@@ -56,11 +58,11 @@ class MessageFlow:
         for item in self._items():
             if isinstance(item, Loss):
                 self._lost_before = True
-                if self.layout is not None:
+                if self.robot is not None:
                     self._regular.lose()
             else:
                 self._records(item)
-        if self.layout is not None:
+        if self.robot is not None:
             self._write(self._regular.finish())
             refusal = self._plausible.refusal()
             if refusal:
@@ -83,16 +85,16 @@ class MessageFlow:
             back_ns=round(time.disorder_s * 1e9),
             ahead_ns=round(time.split_s * 1e9),
         )
-        self._stray += len(records.time_ns) - sum(len(each.index) for each in found)
-        for stretch in found:
-            if stretch.jump:
-                self._jump(int(records.time_ns[stretch.index[0]]))
-            times = records.time_ns[stretch.index]
+        self._stray += len(records.time_ns) - sum(len(index) for index, _ in found)
+        for index, jump in found:
+            times = records.time_ns[index]
+            if jump:
+                self._jump(int(times[0]))
             self._first_ns = int(times.min()) if self._first_ns is None else self._first_ns
             self._last_ns = int(times.max())
-            self._topics(records, stretch.index)
+            self._topics(records, index)
             self._lost_before = False
-        if self.layout is not None:
+        if self.robot is not None:
             self._write(self._regular.ready())
             trial = self._regular.trial
             if trial is not None and trial.messages < MIN_DENSITY * trial.samples - MAX_EARLY:
@@ -103,7 +105,7 @@ class MessageFlow:
         assert self._last_ns is not None
         forward = time_ns > self._last_ns
         self._jumps += 1
-        if self.layout is not None:
+        if self.robot is not None:
             self._write(self._regular.finish())
             if not (forward and self._lost_before):
                 self._command.forget_origin()
@@ -120,12 +122,12 @@ class MessageFlow:
             if decoder is None:
                 continue
             try:
-                decoded = decoder.decode(records.data, records.start[mine], records.stop[mine])
+                rows, kept = decoder.decode(records.data, records.start[mine], records.stop[mine])
             except SchemaError as error:
                 raise self.report.refuse(str(error)) from error
-            self._unread += int((~decoded.kept).sum())
-            if len(decoded.rows):
-                self._take(topic, records.time_ns[mine[decoded.kept]], decoded.rows)
+            self._unread += int((~kept).sum())
+            if len(rows):
+                self._take(topic, records.time_ns[mine[kept]], rows)
 
     def _decoder(self, number: int) -> TopicDecoder | None:
         """None for topics that are passed over."""
@@ -138,7 +140,7 @@ class MessageFlow:
         return self._decoders.get(number)
 
     def _take(self, topic: str, time_ns: np.ndarray, rows: np.ndarray) -> None:
-        if self.layout is None:
+        if self.robot is None:
             if topic != "/low_state":
                 if sum(len(each) for _, each, _ in self._early) < MAX_EARLY:
                     self._early.append((topic, time_ns, rows))
@@ -159,12 +161,12 @@ class MessageFlow:
             self._command.note_buttons(time_ns, rows)
         self._regular.hold(topic, time_ns, held_columns(topic, rows, self._ankles))
 
-    def _layout_of(self, fitting: tuple[Layout, ...], robot: str) -> Layout:
-        """The layout of the robot that the log states, of those with as many joints; the only one if it states none."""
-        stated = [each for each in fitting if each.robot == robot]
+    def _robot_of(self, fitting: tuple[Robot, ...], robot: str) -> Robot:
+        """The robot that the log states, of those with as many joints; the only one if it states none."""
+        stated = [each for each in fitting if each.name == robot]
         if len(fitting) == 1 or stated:
             return (stated or fitting)[0]
-        names = " and ".join(f"'{each.robot}'" for each in fitting)
+        names = " and ".join(f"'{each.name}'" for each in fitting)
         joints = len(fitting[0].joint_names)
         raise self.report.refuse(f"{joints} joints are those of {names}; state the robot in a YAML file beside the log")
 
@@ -172,11 +174,11 @@ class MessageFlow:
         """The first message of `/low_state`: the robot is known."""
         assert self._joints.count is not None
         self.stated = self._facts()
-        self.layout = self._layout_of(self.layouts[self._joints.count], self.stated.facts.robot)
-        self._ankles = self.layout.ankles
-        self._regular = Regular(self.settings.time, len(self.layout.joint_names))
-        self._plausible = Plausible(self.settings.plausible, self.layout)
-        self._sensors = SensorWatch(self.layout, self.settings.plausible.frozen_s)
+        self.robot = self._robot_of(self.layouts[self._joints.count], self.stated.facts.robot)
+        self._ankles = np.array(legs_of(self.robot).all_ankles, dtype=np.int64)
+        self._regular = Regular(self.settings.time, len(self.robot.joint_names))
+        self._plausible = Plausible(self.settings.plausible, self.robot)
+        self._sensors = SensorWatch(self.robot, self.settings.plausible.frozen_s)
         self._command = CommandSource(
             self.stated, self._origin(), whole=not self.report.losses and not self.stated.damaged
         )
@@ -228,7 +230,7 @@ class MessageFlow:
         there = ", ".join(f"{name} {count}" for name, count in sorted(self.report.messages.items()) if name)
         if self._joints.other is not None:
             known = ", ".join(
-                f"'{each.robot}' {count}" for count, fitting in sorted(self.layouts.items()) for each in fitting
+                f"'{each.name}' {count}" for count, fitting in sorted(self.layouts.items()) for each in fitting
             )
             return f"its messages are of {self._joints.other} joints, known are {known}"
         if self._undefined:
@@ -248,8 +250,8 @@ class MessageFlow:
             "times its clock jumps or it is silent for long; a trial ends there": self._jumps,
             "stretches are too short for a trial": self._short,
         }
-        if self.layout is not None:
+        if self.robot is not None:
             counts["messages have the time of another and are left out"] = self._regular.duplicates
             counts["messages come too late and are left out"] = self._regular.late
         notes = [f"{count} {what}." for what, count in counts.items() if count]
-        return notes + ([*self._plausible.remarks(), *self._sensors.remarks()] if self.layout is not None else [])
+        return notes + ([*self._plausible.remarks(), *self._sensors.remarks()] if self.robot is not None else [])

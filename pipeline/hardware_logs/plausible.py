@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 
 from pipeline.hardware_logs.columns import LINEAR, Columns
-from pipeline.hardware_logs.layout import Layout, PlausibleSettings
+from pipeline.hardware_logs.layout import PlausibleSettings
 from pipeline.physics import GRAVITY
+from pipeline.robot import Robot
 
 LEAST_REST = 50
 """Messages at rest below which gravity is no reason to refuse a log: joints that turn back are slow for a moment."""
@@ -22,7 +23,7 @@ class Plausible:
     """Looks at the messages of `/low_state` of one log, piece by piece."""
 
     settings: PlausibleSettings
-    layout: Layout
+    robot: Robot
     messages: int = 0
     not_finite: int = 0
     out_of_range: int = 0
@@ -49,10 +50,10 @@ class Plausible:
         """Note what is out of range in a piece of finite messages; those that are not."""
         values, limits = columns["joint_pos"], self.settings
         margin = limits.position_margin_rad
-        wrong = (values < self.layout.joint_lower - margin) | (values > self.layout.joint_upper + margin)
-        wrong |= np.abs(columns["joint_vel"]) > limits.speed_factor * self.layout.speed_limit
+        wrong = (values < self.robot.joint_lower - margin) | (values > self.robot.joint_upper + margin)
+        wrong |= np.abs(columns["joint_vel"]) > limits.speed_factor * self.robot.motor_speed_limit
         for joint in np.flatnonzero(wrong.any(axis=0)).tolist():
-            name = self.layout.joint_names[joint]
+            name = self.robot.joint_names[joint]
             self.worst_joints[name] = self.worst_joints.get(name, 0) + int(wrong[:, joint].sum())
         bad = wrong.any(axis=1) | (np.abs(columns["acc_b"]).max(axis=1, initial=0.0) > limits.acceleration_m_s2)
         self.out_of_range += int(bad.sum())
@@ -85,7 +86,7 @@ class Plausible:
         if odd > self.settings.implausible_share * max(self.messages, 1):
             worst = max(self.worst_joints, key=lambda name: self.worst_joints[name], default="the trunk")
             return (
-                f"{odd} of {self.messages} messages are not finite or beyond what '{self.layout.robot}' can do, most "
+                f"{odd} of {self.messages} messages are not finite or beyond what '{self.robot.name}' can do, most "
                 f"of {worst}: is it of another robot or unit"
             )
         low, high = self.settings.rest_gravity_m_s2
@@ -132,7 +133,7 @@ count together: the encoders of a standing robot may give one value for seconds.
 class SensorWatch:
     """Looks at the finite messages of `/low_state` of one log, piece by piece."""
 
-    layout: Layout
+    robot: Robot
     frozen_s: float
     """Shortest time for which a value has to stand still to be named [s]."""
     messages: int = 0
@@ -163,33 +164,26 @@ class SensorWatch:
             return []
         frozen_s = self._runs.longest_ns / 1e9
         notes = []
-        of_imu = {
-            part: seconds
-            for part, seconds in zip(IMU.values(), frozen_s.tolist(), strict=False)
-            if seconds >= self.frozen_s
-        }
+        names = (*IMU.values(), *self.robot.joint_names)
+        frozen = {name: each for name, each in zip(names, frozen_s.tolist(), strict=True) if each >= self.frozen_s}
+        of_imu = {name: each for name, each in frozen.items() if name in IMU.values()}
         if len(of_imu) == len(IMU):
             notes.append(f"the IMU is frozen: none of its values changed for {min(of_imu.values()):.1f} s.")
         elif of_imu:
             which = " and ".join(of_imu)
             notes.append(f"the IMU is frozen in part: {which} did not change for up to {max(of_imu.values()):.1f} s.")
-        still = {
-            name: seconds
-            for name, seconds in zip(self.layout.joint_names, frozen_s[len(IMU) :].tolist(), strict=True)
-            if seconds >= self.frozen_s
-        }
+        still = {name: each for name, each in frozen.items() if name not in IMU.values()}
         if still:
-            which = "all joints" if len(still) == len(self.layout.joint_names) else ", ".join(still)
+            which = "all joints" if len(still) == len(self.robot.joint_names) else ", ".join(still)
             notes.append(f"joint sensors are frozen: {which} did not change for up to {max(still.values()):.1f} s.")
         length, along = self._length / self.messages, self._upward / self.messages
         if IN_G[0] < length < IN_G[1]:
             notes.append(f"the acceleration is in g: its mean length is {length:.2f}, not {GRAVITY} m/s^2.")
         if along < REVERSED:
             notes.append("the acceleration has the wrong sign: on average it points down along the attitude.")
-        if self._turns.in_degrees():
-            notes.append(
-                f"the attitude is in degrees: it turns {self._turns.ratio():.0f} times as fast as the gyroscope."
-            )
+        turns = self._turns
+        if turns.windows and turns.attitude > LEAST_TURN * turns.windows and turns.ratio() > DEGREES_FROM:
+            notes.append(f"the attitude is in degrees: it turns {turns.ratio():.0f} times as fast as the gyroscope.")
         return notes
 
 
@@ -211,7 +205,7 @@ class _Runs:
         if self._last is None or self._since is None:
             self._since = np.full(len(self.longest_ns), time_ns[0], dtype=np.int64)
             self._last = (int(time_ns[0]), imu[0], joints[0])
-        times = np.concatenate([[self._last[0]], time_ns])
+        times = np.concatenate([[self._last[0]], time_ns])  # of the message before each, and of the last
         changed = np.concatenate(
             [
                 (np.diff(imu, axis=0, prepend=self._last[1][None]) != 0.0).any(axis=2),
@@ -220,16 +214,12 @@ class _Runs:
             axis=1,
         )
         for signal in range(len(self.longest_ns)):
-            self._note(signal, np.flatnonzero(changed[:, signal]), times)
+            at = np.flatnonzero(changed[:, signal])
+            starts = np.concatenate([[self._since[signal]], times[at + 1]])
+            ends = np.concatenate([times[at], [times[-1]]])
+            self.longest_ns[signal] = max(self.longest_ns[signal], int((ends - starts).max()))
+            self._since[signal] = starts[-1]
         self._last = (int(time_ns[-1]), imu[-1], joints[-1])
-
-    def _note(self, signal: int, at: np.ndarray, times: np.ndarray) -> None:
-        """Runs that end in a piece: `times[i]` is that of the message before the piece's message `i`."""
-        assert self._since is not None
-        starts = np.concatenate([[self._since[signal]], times[at + 1]])
-        ends = np.concatenate([times[at], [times[-1]]])
-        self.longest_ns[signal] = max(self.longest_ns[signal], int((ends - starts).max()))
-        self._since[signal] = starts[-1]
 
 
 class _Turns:
@@ -264,6 +254,3 @@ class _Turns:
 
     def ratio(self) -> float:
         return self.attitude / max(self.gyro, 1e-9)
-
-    def in_degrees(self) -> bool:
-        return self.windows > 0 and self.attitude > LEAST_TURN * self.windows and self.ratio() > DEGREES_FROM

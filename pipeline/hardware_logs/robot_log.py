@@ -69,10 +69,6 @@ class LowStates:
     """-128 to 127."""
     lost: Int[np.ndarray, "n j"]
     """Packets lost since the motors started."""
-    comm_hz: int = 500
-    """Rate of the motors' communication, `reserve[1]`."""
-    parallel: "LowStates | None" = None
-    """The same of the motors (ankle cranks); None writes the joints' again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,17 +106,6 @@ class Odometry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RemoteStates:
-    """`/remote_controller_state`: sticks from -1 to 1, forward, left and turning left negative; buttons 0 or 1."""
-
-    time_ns: Int[np.ndarray, " m"]
-    sticks: Float[np.ndarray, "m 4"]
-    """lx, ly, rx, ry."""
-    buttons: Int[np.ndarray, "m 12"]
-    """In the order of `messages.BUTTONS`."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class RobotLog:
     """A whole log; topics that were not recorded are None."""
 
@@ -129,4 +114,5 @@ class RobotLog:
     joint_ctrl: LowCmds | None = None
     fall_down: FallStates | None = None
     odometer: Odometry | None = None
-    remote: RemoteStates | None = None
+    further: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    """Times of receipt and payloads of further topics."""

@@ -6,7 +6,7 @@ Sensors report float32, so arrays of sensors are float32; nothing is lost and te
 import json
 import os
 import tempfile
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -124,15 +124,6 @@ WHOLE = ("lost", "fall_state")
 """Columns of whole numbers."""
 
 
-def head_of(trial: Trial) -> dict[str, Any]:
-    """What a trial is besides its arrays, as JSON."""
-    head = {each.name: getattr(trial, each.name) for each in fields(trial) if each.name not in ARRAYS}
-    head["events"] = [vars(event) for event in trial.events]
-    head["gaps"] = [vars(gap) for gap in trial.gaps]
-    missed = [asdict(each) for each in head.pop("missed")]
-    return {**head, "missed": missed} if missed else head
-
-
 class TrialWriter:
     """Writes a trial's Parquet file piece by piece; the file has its name only when `finish` was called.
 
@@ -174,13 +165,6 @@ class TrialWriter:
             os.fsync(stream.fileno())
         self._aside.chmod(0o644)
         self._aside.replace(self.path)
-
-
-def write_trial(path: Path, trial: Trial) -> None:
-    """Write a trial's Parquet file, whole or not at all. Same trial, same bytes."""
-    with TrialWriter(path) as writer:
-        writer.add({name: getattr(trial, name) for name in ARRAYS})
-        writer.finish(head_of(trial))
 
 
 def read_trial(path: Path) -> Trial:

@@ -4,8 +4,6 @@ The official writer of the format makes the records.
 """
 
 import io
-from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,23 +12,24 @@ from mcap.writer import CompressionType, Writer
 
 from pipeline.files import atomic
 from pipeline.hardware_logs.log_facts import to_metadata
-from pipeline.hardware_logs.messages import BUTTONS, ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
+from pipeline.hardware_logs.messages import ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
 from pipeline.hardware_logs.robot_log import (
     METADATA,
     FallStates,
     LowCmds,
     LowStates,
     Odometry,
-    RemoteStates,
     RobotLog,
 )
 
 LIBRARY = "booster-lab"
+QOS = {"offered_qos_profiles": ""}
+"""Metadata of each channel."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Storage:
-    """How the recorder stores: rosbag2's presets `zstd_small` (the default here), `zstd_fast`, `fastwrite`."""
+    """How the recorder stores; by default as rosbag2's preset `zstd_small`."""
 
     compression: str = "zstd"
     """`zstd`, `lz4` or nothing."""
@@ -40,44 +39,30 @@ class Storage:
 
 
 ZSTD_SMALL = Storage()
-ZSTD_FAST = Storage(chunk_crc=False)
-FASTWRITE = Storage(compression="", chunk_bytes=0, chunk_crc=False)
 
 
-class McapWriter:
-    """An MCAP file that is being written in memory: channels, messages in the order of receipt, metadata."""
-
-    def __init__(self, storage: Storage = ZSTD_SMALL):
-        self._stream, self._counts = io.BytesIO(), Counter()
-        self._writer = Writer(
-            self._stream,
-            chunk_size=storage.chunk_bytes,
-            compression=CompressionType[storage.compression.upper() or "NONE"],
-            use_chunking=storage.chunk_bytes > 0,
-            enable_crcs=storage.chunk_crc,
-        )
-        self._writer.start("ros2", LIBRARY)
-
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """A metadata record."""
-        self._writer.add_metadata(name, dict(values))
-
-    def channel(self, topic: str, schema: str, definition: str, encoding: str = "ros2msg") -> int:
-        """Open a channel with a schema of its own; its number."""
-        number = self._writer.register_schema(schema, encoding, definition.encode())
-        return self._writer.register_channel(topic, "cdr", number, {"offered_qos_profiles": ""})
-
-    def message(self, channel: int, time_ns: int, payload: bytes | memoryview) -> None:
-        """Append a message, received and sent at `time_ns`."""
-        self._writer.add_message(channel, time_ns, bytes(payload), time_ns, self._counts[channel])
-        self._counts[channel] += 1
-
-    def finish(self) -> bytes:
-        """Close the file with summary and footer; all its bytes."""
-        self._writer.finish()
-        return self._stream.getvalue()
+def open_writer(stream: io.BytesIO, storage: Storage = ZSTD_SMALL) -> Writer:
+    """A writer of a file as `ros2 bag record` begins it."""
+    writer = Writer(
+        stream,
+        chunk_size=storage.chunk_bytes,
+        compression=CompressionType[storage.compression.upper() or "NONE"],
+        use_chunking=storage.chunk_bytes > 0,
+        enable_crcs=storage.chunk_crc,
+    )
+    writer.start("ros2", LIBRARY)
+    return writer
 
 
+def open_channel(writer: Writer, topic: str) -> int:
+    """Number of a new channel for one of `TOPICS`, with its schema."""
+    message = TOPICS[topic]
+    schema = writer.register_schema(schema_name(message), "ros2msg", schema_text(message).encode())
+    return writer.register_channel(topic, "cdr", schema, QOS)
+
+
+COMM_HZ = 500
+"""Rate of the motors' communication, `reserve[1]`."""
 SERIAL = 1
 """`cmd_type` of commands to the joints of the model."""
 
@@ -89,22 +74,21 @@ def write_mcap(path: Path, log: RobotLog, storage: Storage = ZSTD_SMALL) -> None
 
 def mcap_bytes(log: RobotLog, storage: Storage = ZSTD_SMALL) -> bytes:
     """The bytes of a log's MCAP file: its facts as metadata, then all messages in the order of their receipt."""
-    writer = McapWriter(storage)
-    topics = payloads(log)
+    stream = io.BytesIO()
+    writer, topics = open_writer(stream, storage), payloads(log)
     start_ns = min(int(time_ns[0]) for time_ns, _ in topics.values() if len(time_ns))
-    writer.metadata(METADATA, to_metadata(log.facts, start_ns))
-    channels = [writer.channel(topic, schema_name(TOPICS[topic]), schema_text(TOPICS[topic])) for topic in topics]
+    writer.add_metadata(METADATA, to_metadata(log.facts, start_ns))
+    channels = [open_channel(writer, topic) for topic in topics]
+    rows = [values.view(f"V{values.dtype.itemsize}") for _, values in topics.values()]
     times = [time_ns for time_ns, _ in topics.values()]
-    parts = [values.view(np.uint8).data for _, values in topics.values()]
-    sizes = [values.dtype.itemsize for _, values in topics.values()]
     which = np.repeat(np.arange(len(times)), [len(each) for each in times])
     row = np.concatenate([np.arange(len(each)) for each in times])
     every = np.concatenate(times)
     order = np.argsort(every, kind="stable")
     for topic, index, time_ns in zip(which[order].tolist(), row[order].tolist(), every[order].tolist(), strict=True):
-        start = index * sizes[topic]
-        writer.message(channels[topic], time_ns, parts[topic][start : start + sizes[topic]])
-    return writer.finish()
+        writer.add_message(channels[topic], time_ns, rows[topic][index].tobytes(), time_ns, index)
+    writer.finish()
+    return stream.getvalue()
 
 
 def payloads(log: RobotLog) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -116,9 +100,7 @@ def payloads(log: RobotLog) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         found["/fall_down"] = (log.fall_down.time_ns, _fall_states(log.fall_down))
     if log.odometer is not None:
         found["/odometer_state"] = (log.odometer.time_ns, _odometry(log.odometer))
-    if log.remote is not None:
-        found["/remote_controller_state"] = (log.remote.time_ns, _remote_states(log.remote))
-    return found
+    return found | log.further
 
 
 def _empty(message: str, length: int, *counts: int) -> np.ndarray:
@@ -133,13 +115,13 @@ def low_states(states: LowStates) -> np.ndarray:
     values = _empty("LowState", len(states.time_ns), count, count)
     imu = values["imu_state"]
     imu["rpy"], imu["gyro"], imu["acc"] = states.rpy, states.gyro_b, states.acc_b
-    for name, source in (("serial", states), ("parallel", states.parallel or states)):
+    for name in ("serial", "parallel"):  # the joints' again for the motors
         values[f"motor_state_{name}_count"] = count
         motors = values[f"motor_state_{name}"]
         motors["mode"] = 1
-        motors["q"], motors["dq"], motors["ddq"] = source.joint_pos, source.joint_vel, source.joint_acc
-        motors["tau_est"], motors["temperature"], motors["lost"] = source.torque_est, source.temperature_c, source.lost
-        motors["reserve"][..., 1] = source.comm_hz
+        motors["q"], motors["dq"], motors["ddq"] = states.joint_pos, states.joint_vel, states.joint_acc
+        motors["tau_est"], motors["temperature"], motors["lost"] = states.torque_est, states.temperature_c, states.lost
+        motors["reserve"][..., 1] = COMM_HZ
     return values
 
 
@@ -162,13 +144,4 @@ def _fall_states(falls: FallStates) -> np.ndarray:
 def _odometry(odometry: Odometry) -> np.ndarray:
     values = _empty("Odometer", len(odometry.time_ns))
     values["x"], values["y"], values["theta"] = odometry.pose.T
-    return values
-
-
-def _remote_states(remote: RemoteStates) -> np.ndarray:
-    values = _empty("RemoteControllerState", len(remote.time_ns))
-    values["lx"], values["ly"], values["rx"], values["ry"] = remote.sticks.T
-    for name, pressed in zip(BUTTONS, remote.buttons.T, strict=True):
-        values[name] = pressed
-    values["hat_c"] = 1
     return values

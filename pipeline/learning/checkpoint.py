@@ -10,14 +10,14 @@ from typing import Any
 import torch
 
 from pipeline.errors import FileError
-from pipeline.files.npz import NpzCaps, check_torch_archive
+from pipeline.files.npz import check_torch_archive
 from pipeline.learning.training_error import TrainingError
 
 NAME = re.compile(r"^model_(\d{6})\.pt$")
 STATES = ("actor_state_dict", "critic_state_dict", "optimizer_state_dict")
 COUNTS = ("iteration", "environment_steps")
 PARTS = (*STATES, *COUNTS)
-CAPS = NpzCaps(members=1_000, member_bytes=64_000_000, total_bytes=384_000_000, ratio=1_000)
+MOST_BYTES = 384_000_000
 """Of a checkpoint: actor and critic, each a network of at most the size of a policy, and two moments of Adam for each
 parameter."""
 
@@ -43,9 +43,9 @@ def _first_line(error: Exception) -> str:
 
 def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
     """The state of a file. Raises TrainingError where it can't be read, the device has no memory for it, it is no
-    checkpoint, is larger than `CAPS`, or holds more than tensors and numbers."""
+    checkpoint, is larger than `MOST_BYTES`, or holds more than tensors and numbers."""
     try:
-        check_torch_archive(path, CAPS)
+        check_torch_archive(path, MOST_BYTES)
         state = torch.load(path, map_location=device, weights_only=True)
     except FileError as error:
         raise TrainingError(f"{path}: is no checkpoint of ours and was not loaded ({error.problem})") from error

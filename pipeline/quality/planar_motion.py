@@ -9,8 +9,6 @@ A spline through the frames beside a gap is as good as anything up to 0.1 s (Sen
 accelerations; in longer gaps it may overshoot, so a straight line is used, which gives the mean velocity.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from dataclasses import dataclass
@@ -20,7 +18,7 @@ from jaxtyping import Bool, Float
 from scipy.interpolate import CubicSpline
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import BODIES, HumanClip
+from pipeline.clips.human_clip import BODIES, FEET, HumanClip
 from pipeline.clips.robot_clip import RobotClip
 
 SPLINE_S = 0.1
@@ -142,6 +140,17 @@ def facing_of(clip: HumanClip) -> np.ndarray:
     """Horizontal normal of the line between a person's hips (t, 2), unit."""
     left = clip.pos("left_hip") - clip.pos("right_hip")
     return rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
+
+
+def leg_length(clip: HumanClip) -> float:
+    """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
+    sides = []
+    for side in FEET:
+        hip, knee, ankle = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
+        length = rotation.length(knee - hip) + rotation.length(ankle - knee)
+        length = length[np.isfinite(length)]
+        sides.append(float(np.median(length)) if len(length) else float("nan"))
+    return sum(sides) / len(sides)
 
 
 def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[int, int]]:

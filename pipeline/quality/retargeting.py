@@ -4,8 +4,6 @@ Angles are between what both bodies have; no offset is fitted, because canonical
 for a person who stands upright facing +x, as the robot's are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool, Float
 

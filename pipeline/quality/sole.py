@@ -4,8 +4,6 @@ Sources know three: the speed of the ankle, of the sole's centre, of a corner. H
 of the sole's lowest corner while the foot is in contact, which is 0 for a foot that rolls over heel and toe.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -56,20 +54,10 @@ def sole_motion(clip: RobotClip, robot: Robot) -> SoleMotion:
     return SoleMotion(fps=clip.fps, corner_pos_w=corners, corner_vel_w=time_series.derivative(corners, clip.fps))
 
 
-@dataclass(frozen=True, kw_only=True)
-class FootSlip:
-    """Slip over all foot-frames in contact [m/s]; 0 without contact."""
-
-    mean: float
-    p95: float
-
-
-def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"]) -> FootSlip:
-    """Horizontal speed of the lowest corner of feet in contact [m/s]."""
+def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"]) -> tuple[float, float]:
+    """Horizontal speed of the lowest corner of feet in contact, mean and 95th percentile [m/s]; 0 without contact."""
     speed = sole.lowest_corner_speed[inner_contacts(contacts)]
-    if speed.size == 0:
-        return FootSlip(mean=0.0, p95=0.0)
-    return FootSlip(mean=float(speed.mean()), p95=float(np.percentile(speed, 95)))
+    return (float(speed.mean()), float(np.percentile(speed, 95))) if speed.size else (0.0, 0.0)
 
 
 def inner_contacts(contacts: Bool[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:

@@ -19,23 +19,3 @@ from pipeline.readers.source import (
     read_sources,
     sources_of_environment,
 )
-
-__all__ = [
-    "NOTHING_STATED",
-    "FileStatement",
-    "ReadMotion",
-    "Source",
-    "SourcesInUse",
-    "Statement",
-    "content_digest",
-    "list_files",
-    "list_motion_files",
-    "read_motion",
-    "read_reference",
-    "read_sources",
-    "refuse_outside_link",
-    "source_warnings",
-    "sources_in_use",
-    "sources_of_environment",
-    "written_map",
-]

@@ -5,8 +5,6 @@ of freedom turn about: R = C R(dof) C^-1. Euler angles XYZ mean Rz Ry Rx. A bone
 parent's end.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +17,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files import page_memory
 from pipeline.readers.raw_motion import RawMotion, TreePoses, parent_indices
-from pipeline.readers.text_file import MAX_FRAMES, open_text, read_lines, read_number
+from pipeline.readers.text_file import MAX_FRAMES, open_text, read_number
 
 MAX_BONES = 500
 
@@ -42,7 +40,7 @@ def read_asf(path: Path) -> dict[str, Bone]:
     """Bones by name, the root among them."""
     bones = {"root": Bone(name="root", line=1)}
     section, current = "", None
-    for line, text in enumerate(read_lines(path), start=1):
+    for line, text in enumerate(open_text(path).lines(), start=1):
         words = text.split("#")[0].replace("(", " ").replace(")", " ").split()
         if not words:
             continue
@@ -211,10 +209,7 @@ def _subject_note(path: Path, asf: Path) -> tuple[Reason, ...]:
 
 def _euler(angles: np.ndarray, order: str) -> np.ndarray:
     """Quaternions of angles (t, 3) [rad] given in `order`; the first is applied first (order xyz: Rz Ry Rx)."""
-    turn = rotation.IDENTITY
-    for column, axis in enumerate(order):
-        turn = rotation.multiply(rotation.from_axis_angle(np.eye(3)["xyz".index(axis)], angles[..., column]), turn)
-    return turn
+    return rotation.from_euler([("xyz".index(axis), angles[..., place]) for place, axis in enumerate(order)][::-1])
 
 
 def _local_quat(bone: Bone, values: np.ndarray) -> np.ndarray:

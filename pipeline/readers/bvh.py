@@ -5,8 +5,6 @@ as a whole. A position channel replaces that component of the joint's OFFSET (fi
 repeat the offset there); rotations are intrinsic, in the order of the channels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
@@ -143,7 +141,7 @@ def read_bvh(path: Path) -> RawMotion:
         parents=parents,
         rest_offset=offsets,
         poses=ChannelPoses(
-            parents=parents, offsets=offsets, channels=tuple(joint.channels for joint in joints), values=values
+            parents=parents, offsets=offsets, channels=tuple(joint.channels for joint in joints), rows=(values,)
         ),
         fps=rate.fps,
         rate_fault=rate.fault,

@@ -4,8 +4,6 @@ The bytes are read by the library `c3d`, frame by frame. (ezc3d takes eleven tim
 damaged files that it was tried with.) Analog channels are passed over, as are angles, forces and points without a name.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +14,6 @@ import c3d
 import numpy as np
 from jaxtyping import Float
 
-from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
@@ -24,7 +21,7 @@ from pipeline.files import page_memory
 from pipeline.files.npz import DAMAGED_FILE, first_words, raise_fault_of_disk
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
-from pipeline.readers.raw_motion import Poses, RawMotion, World, refuse_pose
+from pipeline.readers.raw_motion import Poses, RawMotion, World, in_parents, refuse_pose
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
 
 FARTHEST = 1e7
@@ -37,24 +34,18 @@ MEASURED_FRAMES = 4096
 
 @dataclass(frozen=True, kw_only=True)
 class PointPoses(Poses):
-    """World poses of the canonical bodies from points, worked out for the frames that are requested."""
+    """World poses of the canonical bodies from points, worked out for the frames that are requested.
+
+    A row has the positions of the named points one after another, in the file's unit; NaN where a point is missing.
+    """
 
     names: tuple[str, ...]
-    values: Float[np.ndarray, "t c"]
-    """Positions of the named points one after another, in the file's unit; NaN where a point is missing."""
-
-    @property
-    def frame_count(self) -> int:
-        return len(self.values)
-
-    def forget(self, stop: int) -> None:
-        page_memory.forget(self.values, stop)
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         stop = min(stop, self.frame_count)
         pos, quat = np.empty((stop - start, len(joints), 3)), np.empty((stop - start, len(joints), 4))
         for first in range(start, stop, FRAMES_AT_ONCE):
-            part = self.values[first : min(first + FRAMES_AT_ONCE, stop)]
+            part = self.rows[0][first : min(first + FRAMES_AT_ONCE, stop)]
             points = {name: part[:, 3 * column : 3 * column + 3] for column, name in enumerate(self.names)}
             place, turn = body_poses(points)
             rows = slice(first - start, first - start + len(part))
@@ -73,7 +64,7 @@ def read_c3d(path: Path) -> RawMotion:
         _read_points(path, reader, tuple(columns.values()), values)
         units = reader.get("POINT:UNITS")
         declared = "" if units is None else str(units.string_value).strip(" \0")
-    poses = PointPoses(names=tuple(columns), values=values)
+    poses = PointPoses(names=tuple(columns), rows=(values,))
     offsets = _rest_offsets(path, poses)
     unit, notes = _unit(declared, offsets)
     return RawMotion(
@@ -182,17 +173,13 @@ def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], value
 def _rest_offsets(path: Path, poses: PointPoses) -> Float[np.ndarray, "19 3"]:
     """Place of each body in its parent's frame, the median over frames. Raises FileError where no frame has it."""
     pos, quat = poses.world(range(len(BODIES)), 0, min(poses.frame_count, MEASURED_FRAMES))
-    offsets = np.zeros((len(BODIES), 3))
-    for body, parent in enumerate(PARENT):
-        if parent < 0:
-            continue
-        local = rotation.rotate_inverse(quat[:, parent], pos[:, body] - pos[:, parent])
-        local = local[np.isfinite(local).all(axis=1)]
-        if not len(local):
-            problem = f"no frame has all points from which the {BODIES[body].replace('_', ' ')} is worked out."
-            raise FileError(path, problem, "Fill the gaps in the capture program.")
-        offsets[body] = np.median(local, axis=0)
-    return offsets
+    places = in_parents(pos, quat, PARENT)
+    unknown = np.asarray(~np.isfinite(places).all(axis=2).any(axis=0))
+    if unknown[1:].any():
+        body = BODIES[1 + int(np.argmax(unknown[1:]))].replace("_", " ")
+        problem = f"no frame has all points from which the {body} is worked out."
+        raise FileError(path, problem, "Fill the gaps in the capture program.")
+    return np.nanmedian(places, axis=0)
 
 
 def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None, tuple[Reason, ...]]:

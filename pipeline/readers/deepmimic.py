@@ -5,8 +5,6 @@ to its parent: quaternions wxyz for ball joints, an angle [rad] about z for knee
 (x forward, y up, z right) is that of DeepMimic's data/characters/humanoid3d.txt.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ The exporting program chooses the joints' frames in a glTF. Here they are turned
 pose, as in a BVH; names, tree and rest pose give the rest. Keys are sampled at their own rate.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -89,30 +87,24 @@ class Node:
 
 @dataclass(frozen=True, kw_only=True)
 class NodePoses(Poses):
-    """World poses of nodes, worked out for the requested ones."""
+    """World poses of nodes, worked out for the requested ones; a row is a time [s]."""
 
     nodes: tuple[Node, ...]
     scale: Float[np.ndarray, " j"]
     """Scale of the world of each node's children."""
     bind_quat: Float[np.ndarray, "j 4"]
     """Orientation of each node's frame in the bind pose, wxyz."""
-    times: Float[np.ndarray, " t"]
-    """[s]"""
     shared: bool
     """Whether keys of several properties are the same bytes of the file."""
 
-    @property
-    def frame_count(self) -> int:
-        return len(self.times)
-
     def forget(self, stop: int) -> None:
         """Free the memory of the keys that are before frame `stop`."""
-        for node in self.nodes if stop < len(self.times) and not self.shared else ():
+        for node in self.nodes if stop < self.frame_count and not self.shared else ():
             for track in node.tracks.values():
-                track.forget(float(self.times[stop]))
+                track.forget(float(self.rows[0][stop]))
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
-        times = self.times[start:stop]
+        times = self.rows[0][start:stop]
 
         def local(index: int) -> tuple[np.ndarray, np.ndarray]:
             node = self.nodes[index]
@@ -142,7 +134,7 @@ def read_gltf(path: Path) -> RawMotion:
         joint_names=tuple(node.name for node in nodes),
         parents=parents,
         rest_offset=place - above,
-        poses=NodePoses(nodes=nodes, scale=scale, bind_quat=quat, times=times, shared=_shared(nodes)),
+        poses=NodePoses(nodes=nodes, scale=scale, bind_quat=quat, rows=(times,), shared=_shared(nodes)),
         fps=rate,
         files=(path,),
         notes=notes + sampled,

@@ -1,7 +1,5 @@
 """glTF 2.0 files (`.gltf`, `.glb`): the JSON and its accessors, with every offset checked before it is followed."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

@@ -3,8 +3,6 @@
 The unit of length is the one that gives the skeleton human legs.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from pathlib import Path

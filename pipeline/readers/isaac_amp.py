@@ -5,8 +5,6 @@ hierarchy: bones are the places of bodies in their parents' frames, and have to 
 proves the order of the quaternions too.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
-from pipeline.readers.raw_motion import RawMotion, RowPoses, check_unit, parent_indices
+from pipeline.readers.raw_motion import RawMotion, RowPoses, check_unit, in_parents, parent_indices
 from pipeline.readers.velocity_rate import rate_of_velocities
 
 PARENTS: dict[str, str | None] = {
@@ -61,7 +59,7 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
     rate = None
     if header.shapes.get("body_linear_velocities") == pos.shape:
         rate = rate_of_velocities(pos, header.stored_numbers("body_linear_velocities", *pos.shape))
-    poses = RowPoses(pos=pos, quat=quat, columns=tuple(stored.index(name) for name in PARENTS))
+    poses = RowPoses(rows=(pos, quat), columns=tuple(stored.index(name) for name in PARENTS))
     for start in range(0, len(pos), ROWS_AT_ONCE):
         rows = finite_rows(quat, start, start + ROWS_AT_ONCE)[:, list(poses.columns)]
         check_unit(path, rows, "a body's quaternion", start)
@@ -83,14 +81,11 @@ def _bones(
     path: Path, names: tuple[str, ...], parents: tuple[int, ...], pos: np.ndarray, quat: np.ndarray
 ) -> np.ndarray:
     """Place of each body in its parent's frame [m] (b, 3), the median over time. Raises FileError."""
-    offsets = np.zeros((len(parents), 3))
-    for body, parent in enumerate(parents):
-        if parent < 0:
-            continue
-        local = rotation.rotate_inverse(quat[:, parent], pos[:, body] - pos[:, parent])
-        offsets[body] = np.nanmedian(local, axis=0)
-        change = float(np.nanpercentile(np.linalg.norm(local - offsets[body], axis=1), 95))
-        if change > MAX_BONE_CHANGE:
-            problem = f"'{names[body]}' moves by {change:.3f} m in the frame of '{names[parent]}', which is no bone."
-            raise FileError(path, problem, "Are the quaternions wxyz?")
+    places = in_parents(pos, quat, parents)
+    offsets = np.nanmedian(places, axis=0)
+    change = np.nanpercentile(rotation.length(places - offsets), 95, axis=0)
+    if (change > MAX_BONE_CHANGE).any():
+        body = int(np.argmax(change > MAX_BONE_CHANGE))
+        problem = f"'{names[body]}' moves by {change[body]:.3f} m in the frame of '{names[parents[body]]}'"
+        raise FileError(path, f"{problem}, which is no bone.", "Are the quaternions wxyz?")
     return offsets

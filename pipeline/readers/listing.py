@@ -10,8 +10,6 @@ The motion that a robot tracked is stated in data/sources.yaml (`tracks`), or in
 Reference and recording begin together and are of the same robot.
 """
 
-from __future__ import annotations
-
 import fnmatch
 import os
 import re

@@ -1,7 +1,5 @@
 """Pickles (`.pkl`) and files of `torch.save` (`.pt`) as named arrays: one motion, in however many dictionaries."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -14,8 +14,6 @@ that a map names (`up: y`) then are others; the rest pose shows it, because hips
 pelvis' frame.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
@@ -23,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from jaxtyping import Float
 
 from pipeline import rotation
@@ -266,17 +265,16 @@ def unknown_skeleton(names: Sequence[str], roles: Roles) -> tuple[str, str]:
 
 def map_text(title: str, bodies: Mapping[str, BodyMap]) -> str:
     """A skeleton map as YAML."""
-    lines = ['# Axes and pitch_deg: see docs/sources.md, "Skeleton maps".', f"title: {title}", "bodies:"]
+    listed: dict[str, dict[str, Any]] = {}
     for body in BODIES:
         each = bodies[body]
-        parts = {"joint": each.joint, **each.directions()}
-        fields = [f"{key}: {_quoted(value)}" for key, value in parts.items()]
+        listed[body] = {"joint": each.joint, **each.directions()}
         if each.pitch_deg:
-            fields.append(f"pitch_deg: {each.pitch_deg:g}")
+            listed[body]["pitch_deg"] = each.pitch_deg
         if any(each.offset):
-            fields.append(f"offset: [{', '.join(f'{value:g}' for value in each.offset)}]")
-        lines.append(f"  {body}: {{{', '.join(fields)}}}")
-    return "\n".join(lines) + "\n"
+            listed[body]["offset"] = list(each.offset)
+    text = yaml.safe_dump({"title": title, "bodies": listed}, default_flow_style=None, sort_keys=False, width=1_000)
+    return f'# Axes and pitch_deg: see docs/sources.md, "Skeleton maps".\n{text}'
 
 
 def map_to_start_from(names: Sequence[str], roles: Roles) -> str:
@@ -294,11 +292,6 @@ def map_to_start_from(names: Sequence[str], roles: Roles) -> str:
         bodies[body] = BodyMap(joint=joint.get(body, OPEN), **known)
     listed = "".join(f"#   {name}\n" for name in names)
     return f"# Joints of the file:\n{listed}{map_text('What this skeleton is', bodies)}"
-
-
-def _quoted(value: str) -> str:
-    """A YAML scalar; quoted where it is not a plain word."""
-    return value if value.replace("_", "").replace("-", "").isalnum() else '"' + value.replace('"', "'") + '"'
 
 
 READERS = {".bvh": read_bvh, ".glb": read_gltf, ".gltf": read_gltf}

@@ -15,8 +15,6 @@ wrist     between its two markers
 Axes as in `pipeline.clips.human_clip`: x forward, y left, z up for a person who stands with hanging arms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

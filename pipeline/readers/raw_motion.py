@@ -3,8 +3,6 @@
 Their world poses are computed for the requested joints and frames; others take no memory.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -25,21 +23,25 @@ World = tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]
 """Positions in the file's unit and orientations wxyz of n joints in the file's world."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class Poses(ABC):
     """T frames of J joints."""
 
+    rows: tuple[np.ndarray, ...]
+    """Arrays of a row each frame that the poses are computed from."""
+
     @property
-    @abstractmethod
     def frame_count(self) -> int:
-        """T."""
+        return len(self.rows[0])
 
     @abstractmethod
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         """Poses of some joints in frames [start, stop)."""
 
-    @abstractmethod
     def forget(self, stop: int) -> None:
         """Free the memory of the frames before `stop` where that is possible; they are not requested again."""
+        for rows in self.rows:
+            page_memory.forget(rows, stop)
 
 
 def along_tree(
@@ -55,6 +57,14 @@ def along_tree(
             pos[joint] = pos[parent] + rotation.rotate(quat[parent], pos[joint])
             quat[joint] = rotation.multiply(quat[parent], quat[joint])
     return np.stack([pos[joint] for joint in joints], axis=1), np.stack([quat[joint] for joint in joints], axis=1)
+
+
+def in_parents(
+    pos: Float[np.ndarray, "t n 3"], quat: Float[np.ndarray, "t n 4"], parents: Sequence[int]
+) -> Float[np.ndarray, "t n 3"]:
+    """Places of joints in their parents' frames, zero for a root, from poses in the world."""
+    above = [joint if parent < 0 else parent for joint, parent in enumerate(parents)]
+    return rotation.rotate_inverse(quat[:, above], pos - pos[:, above])
 
 
 def with_ancestors(joints: Sequence[int], parents: Sequence[int]) -> list[int]:
@@ -75,24 +85,15 @@ def parent_indices(parents: Mapping[str, str | None]) -> tuple[int, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class TreePoses(Poses):
-    """Poses of a tree of joints that turn about fixed places in their parents' frames.
-
-    They are computed from rows of numbers for the requested frames.
-    """
+    """Poses of a tree of joints that turn about fixed places in their parents' frames."""
 
     parents: tuple[int, ...]
     """Index of each joint's parent, -1 for the root; a parent comes before its children."""
     offsets: Float[np.ndarray, "j 3"]
     """Place of each joint in its parent's frame, in the file's unit; of the root it is not used."""
-    rows: tuple[np.ndarray, ...]
-    """Arrays of a row each frame that the poses are computed from."""
     local: Callable[[int, int], tuple[np.ndarray, np.ndarray]]
     """Places of the root (t, 3) and orientations wxyz of all joints in their parents' frames (t, j, 4) in frames
     [start, stop)."""
-
-    @property
-    def frame_count(self) -> int:
-        return len(self.rows[0])
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         root, quat = self.local(start, min(stop, self.frame_count))
@@ -103,34 +104,21 @@ class TreePoses(Poses):
             lambda joint: (offsets[:, joint] if self.parents[joint] >= 0 else root, quat[:, joint]),
         )
 
-    def forget(self, stop: int) -> None:
-        for rows in self.rows:
-            page_memory.forget(rows, stop)
-
 
 @dataclass(frozen=True, kw_only=True)
 class RowPoses(Poses):
-    """World poses that a file holds, converted to numbers for the requested frames."""
+    """World poses that a file holds, converted to numbers for the requested frames.
 
-    pos: np.ndarray
-    """Positions (t, b, 3) as the file stores them, in its unit."""
-    quat: np.ndarray
-    """Orientations wxyz (t, b, 4), likewise."""
+    `rows` are positions (t, b, 3) in the file's unit and orientations wxyz (t, b, 4), as the file stores them.
+    """
+
     columns: tuple[int, ...]
     """Which body each joint is."""
 
-    @property
-    def frame_count(self) -> int:
-        return len(self.pos)
-
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         columns = [self.columns[joint] for joint in joints]
-        pos, quat = (finite_rows(each, start, stop)[:, columns] for each in (self.pos, self.quat))
+        pos, quat = (finite_rows(each, start, stop)[:, columns] for each in self.rows)
         return pos, rotation.normalize(quat)
-
-    def forget(self, stop: int) -> None:
-        page_memory.forget(self.pos, stop)
-        page_memory.forget(self.quat, stop)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,10 +130,6 @@ class TipPoses(Poses):
     """Joints of `poses`; the tips come after them."""
     tips: tuple[tuple[int, tuple[float, float, float]], ...]
     """Joint that carries each tip, and the tip's place in its frame in the file's unit."""
-
-    @property
-    def frame_count(self) -> int:
-        return self.poses.frame_count
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         """Poses of joints and tips; a tip turns with its joint."""
@@ -166,7 +150,7 @@ CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zr
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelPoses(Poses):
-    """T rows of channel values of a tree of J joints.
+    """T rows of channel values of a tree of J joints, lengths in the file's unit and angles [deg].
 
     A position channel replaces that component of the joint's offset; rotations are intrinsic, in the order of the
     channels.
@@ -177,19 +161,10 @@ class ChannelPoses(Poses):
     offsets: Float[np.ndarray, "j 3"]
     channels: tuple[tuple[str, ...], ...]
     """Names of each joint's channels (`CHANNELS`), in the order of the columns."""
-    values: Float[np.ndarray, "t c"]
-    """Lengths in the file's unit and angles [deg]."""
-
-    @property
-    def frame_count(self) -> int:
-        return len(self.values)
-
-    def forget(self, stop: int) -> None:
-        page_memory.forget(self.values, stop)
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         needed = with_ancestors(joints, self.parents)
-        pos, quat = self._local(needed, self.values[start:stop])
+        pos, quat = self._local(needed, self.rows[0][start:stop])
         return along_tree(joints, self.parents, lambda joint: (pos[needed.index(joint)], quat[needed.index(joint)]))
 
     def _local(
@@ -296,19 +271,20 @@ class RawMotion:
             index = self.parents[index]
         return total
 
-    def renamed(self, names: tuple[str, ...]) -> RawMotion:
+    def renamed(self, names: tuple[str, ...]) -> "RawMotion":
         """The same joints under other names, in the same order."""
         new = dict(zip(self.joint_names, names, strict=True))
         tips = {new[joint]: place for joint, place in self.tips.items()}
         return dataclasses.replace(self, joint_names=names, tips=tips)
 
-    def with_tips(self, joints: Sequence[str]) -> RawMotion:
+    def with_tips(self, joints: Sequence[str]) -> "RawMotion":
         """The motion with joints at the ends of some joints' bones, named `<joint> (end)`."""
         if not joints:
             return self
         carriers = [self.joint_names.index(joint) for joint in joints]
         places = [self.tips[joint] for joint in joints]
-        poses = TipPoses(poses=self.poses, count=len(self.joint_names), tips=tuple(zip(carriers, places, strict=True)))
+        tips = tuple(zip(carriers, places, strict=True))
+        poses = TipPoses(rows=self.poses.rows, poses=self.poses, count=len(self.joint_names), tips=tips)
         return dataclasses.replace(
             self,
             joint_names=(*self.joint_names, *(f"{joint}{TIP}" for joint in joints)),

@@ -1,7 +1,5 @@
 """One motion file of any known format as a clip, with how it was understood."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +10,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile
+from pipeline.files.npz import read_npz_header
 from pipeline.readers.amc import read_amc
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.c3d import read_c3d
@@ -20,7 +19,6 @@ from pipeline.readers.gltf import read_gltf
 from pipeline.readers.human_motion import to_human
 from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
 from pipeline.readers.loaded_arrays import LoadedArrays, open_loaded
-from pipeline.readers.npz_file import open_npz
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.restricted_pickle import load_pickle, load_torch
 from pipeline.readers.robot_csv import read_robot_csv
@@ -129,7 +127,7 @@ _READERS: dict[str, Callable[[Path, Statement], RawMotion | RobotMotion]] = {
     ".glb": lambda path, _: read_gltf(path),
     ".gltf": lambda path, _: read_gltf(path),
     ".mcap": lambda path, _: read_robot_log(path),
-    ".npz": lambda path, statement: _of_arrays(open_npz(path), statement),
+    ".npz": lambda path, statement: _of_arrays(read_npz_header(path), statement),
     ".pkl": lambda path, statement: _of_arrays(open_loaded(path, load_pickle), statement),
     ".pt": lambda path, statement: _of_arrays(open_loaded(path, load_torch), statement),
     ".txt": lambda path, _: read_deepmimic(path),

@@ -5,12 +5,13 @@ source of `data/sources.yaml` that is no longer named, a folder that is gone and
 errors, which name what would leave the database.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
+
+from pydantic import TypeAdapter
 
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.files import atomic
@@ -18,8 +19,6 @@ from pipeline.readers.source import Source, read_sources, sources_of_environment
 
 FILE = "data/sources.yaml"
 VARIABLE = "BOOSTER_LAB_MOTIONS"
-NAMED_IN = (FILE, VARIABLE)
-"""Where a source can be named."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,14 +28,16 @@ class RememberedSource:
     name: str
     folder: str
     """Absolute path, links resolved."""
-    named_in: str
-    """One of `NAMED_IN`."""
+    named_in: Literal["data/sources.yaml", "BOOSTER_LAB_MOTIONS"]
     files: int
     """Motion files that it held."""
 
     def text(self) -> str:
         """The source in half a sentence."""
         return f"source '{self.name}' ({self.folder}, {self.files} motion files, named in {self.named_in})"
+
+
+_RECORD = TypeAdapter(list[RememberedSource])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,13 +121,11 @@ def read_remembered(memory: Path) -> tuple[RememberedSource, ...]:
     try:
         if not memory.is_file():
             return ()
-        rows = json.loads(memory.read_text())
-        found = tuple(RememberedSource(**row) for row in rows)
-        if not all(isinstance(each.files, int) and each.named_in in NAMED_IN for each in found):
-            raise ValueError("a source has no count of files or no known origin")
-    except (OSError, ValueError, TypeError) as error:
+        found = _RECORD.validate_json(memory.read_bytes(), strict=True)
+    except (OSError, ValueError) as error:
         do = "Name all of your sources in data/sources.yaml, then remove this file."
-        raise FileError(memory, f"the record of the sources in use can't be read ({error}).", do) from error
+        problem = f"the record of the sources in use can't be read ({' '.join(str(error).split())})."
+        raise FileError(memory, problem, do) from error
     return tuple(sorted(found, key=lambda each: each.name))
 
 

@@ -5,8 +5,6 @@ data and call nothing; any other name ends the reading. Files of `pickle.dump`, 
 not) and of `torch.save` are read without joblib and without torch.
 """
 
-from __future__ import annotations
-
 import pickle
 import re
 import shlex
@@ -25,7 +23,6 @@ import numpy as np
 from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.npz import DAMAGED_FILE, check_sizes, first_words, raise_fault_of_disk
-from pipeline.readers import npz_file
 from pipeline.readers.text_file import MAX_BYTES, check_size
 
 MAX_RATIO = 20
@@ -239,7 +236,7 @@ def load_torch(path: Path) -> Any:
     check_size(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            check_sizes(path, archive.infolist(), npz_file.CAPS)
+            check_sizes(path, archive.infolist())
             (head,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
             folder = head.removesuffix("data.pkl")
 

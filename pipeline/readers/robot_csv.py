@@ -5,8 +5,6 @@ quaternion xyzw; wxyz is inferred from the kinematics). The rate is stated by a 
 `time_s`, or in data/sources.yaml.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator

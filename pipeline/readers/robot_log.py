@@ -6,9 +6,6 @@ next. This holds for standing and walking; in the flight phase of a run the lowe
 short there.
 """
 
-from __future__ import annotations
-
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +15,7 @@ from pipeline import rotation, time_series
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import settings
-from pipeline.hardware_logs import LogSettings, Trial, ingest, layouts, read_trial
+from pipeline.hardware_logs import LogSettings, Trial, read_log
 from pipeline.readers.robot_motion import RobotMotion, robots
 from pipeline.robot import Kinematics, Robot
 
@@ -33,10 +30,7 @@ def read_robot_log(path: Path) -> RobotMotion:
 
     Raises FileError for a log that is refused, and for one of a robot that is not in `robots/`.
     """
-    values = settings.read(SETTINGS, LogSettings)
-    with tempfile.TemporaryDirectory(prefix="booster-lab-log-") as folder:
-        made = ingest(path, path.stem, Path(folder), layouts=layouts(robots()), settings=values)
-        trials = [read_trial(each.path) for each in made.trials]
+    trials = read_log(path, robots(), settings.read(SETTINGS, LogSettings))
     stretches = [(trial, start, stop) for trial in trials for start, stop in time_series.runs(_usable(trial))]
     if not stretches:
         raise FileError(path, "the robot is never up with joints and attitude recorded.", "Leave it out.")
@@ -52,12 +46,11 @@ def read_robot_log(path: Path) -> RobotMotion:
     step = max(round(trial.rate_hz / RATE_HZ), 1)
     frames = slice(start, stop, step)
     joint_pos = trial.joint_pos[frames]
-    roll, pitch, yaw = trial.rpy[frames].T
-    root_quat = rotation.from_euler([(2, yaw), (1, pitch), (0, roll)])
+    root_pos, root_quat = root_poses(robot, trial.rpy[frames], joint_pos)
     return RobotMotion(
         format="robot_log",
         path=path,
-        root_pos_w=leg_odometry(robot, root_quat, joint_pos),
+        root_pos_w=root_pos,
         root_quat=root_quat,
         order_is_certain=True,
         joint_pos=joint_pos,
@@ -67,10 +60,15 @@ def read_robot_log(path: Path) -> RobotMotion:
     )
 
 
-def leg_odometry(
-    robot: Robot, root_quat_w: Float[np.ndarray, "t 4"], joint_pos: Float[np.ndarray, "t j"]
-) -> Float[np.ndarray, "t 3"]:
-    """Positions of the root [m], from the origin on: the lowest sole corner is on the ground and does not slide."""
+def root_poses(
+    robot: Robot, rpy: Float[np.ndarray, "t 3"], joint_pos: Float[np.ndarray, "t j"]
+) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 4"]]:
+    """Positions [m] and orientations wxyz of the root, from its roll, pitch and yaw [rad].
+
+    Leg odometry, from the origin on: the lowest sole corner is on the ground and does not slide.
+    """
+    roll, pitch, yaw = rpy.T
+    root_quat_w = rotation.from_euler([(2, yaw), (1, pitch), (0, roll)])
     kinematics = Kinematics(robot)
     poses = kinematics.forward(np.zeros((len(joint_pos), 3)), root_quat_w, joint_pos)
     corners = kinematics.site_pos_w(poses, [name for side in robot.sole_corners for name in side])
@@ -80,7 +78,7 @@ def leg_odometry(
     root = np.zeros((len(corners), 3))
     root[1:, :2] = np.cumsum(steps, axis=0)
     root[:, 2] = -corners[..., 2].min(axis=1)
-    return root
+    return root, root_quat_w
 
 
 def _usable(trial: Trial) -> np.ndarray:

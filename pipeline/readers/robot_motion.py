@@ -7,8 +7,6 @@ most headings the trunk is horizontal. Where both orders leave it upright (near 
 those that stand are level and do not slide.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from dataclasses import dataclass
@@ -208,8 +206,9 @@ def _proved_orders(
     stated = _stated_order(path, statement)
     usual = motion.quat_order
     orders = [stated] if stated is not None else [usual, *(order for order in ORDERS if order != usual)]
+    breadth_first = [robot.breadth_first.index(name) for name in robot.joint_names]
     worst = np.zeros(0)
-    for order, joints in itertools.product(orders, [columns] if named else [columns, breadth_first(robot)]):
+    for order, joints in itertools.product(orders, [columns] if named else [columns, breadth_first]):
         quat = rotation.normalize(in_order(motion.root_quat, order))
         error = link_errors(robot, motion.root_pos_w, quat, motion.joint_pos[:, joints], bodies)
         if error is None:
@@ -232,17 +231,6 @@ MAX_LINK_ERROR = 0.05
 
 FRAMES = 20
 """Frames that are compared, evenly over the motion."""
-
-
-def breadth_first(robot: Robot) -> list[int]:
-    """Where in a breadth-first order each joint of the robot is, in the robot's order."""
-    tree = robot.tree
-    depth = np.zeros(len(tree.link_names), dtype=int)
-    for link in range(1, len(depth)):
-        depth[link] = depth[tree.parent[link]] + 1
-    links = sorted(range(1, len(depth)), key=lambda link: (depth[link], link))
-    order = [int(tree.joint[link]) for link in links]
-    return [order.index(joint) for joint in range(len(order))]
 
 
 def link_errors(

@@ -11,8 +11,6 @@ GMR: `root_pos` (t, 3) [m], `root_rot` (t, 4) xyzw, `dof_pos` (t, j) [rad], `fps
 another, and `root_rot_order` the quaternion's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

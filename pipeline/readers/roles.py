@@ -9,8 +9,6 @@ limb's axis is its bone, and its other axes are those that a person's limb has w
 hanging arms: an arm that is raised to the side keeps its forward axis, one that is raised ahead its left axis.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

@@ -4,8 +4,6 @@ One small YAML file a skeleton in `skeletons/`. A map is found by the joint name
 by its file name: every joint a map names has to be there. See docs/sources.md for how to write one.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ and soft tissue are not read. The pose is one array (`poses`, `pose_aa`: t x 66,
 (`root_orient` and `pose_body`, `global_orient` and `body_pose`); `trans` or `transl` (t, 3) [m] moves the root.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile, finite_rows
-from pipeline.readers.npz_file import open_npz
+from pipeline.files.npz import read_npz_header
 from pipeline.readers.raw_motion import RawMotion, TreePoses, parent_indices
 
 PARENTS: dict[str, str | None] = {
@@ -172,7 +170,7 @@ def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndar
     Takes joints (`J_template`, `J`), or `J_regressor` and `v_template` with `shapedirs` for the shape `betas`. Raises
     FileError.
     """
-    header = open_npz(path)
+    header = read_npz_header(path)
     if header.has("J_regressor", "v_template"):
         vertices = header.numbers("v_template", None, 3)
         if header.has("shapedirs"):

@@ -1,7 +1,5 @@
 """Where motions come from: folders with a licence, a credit and what a person states of their files."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import fnmatch

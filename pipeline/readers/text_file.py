@@ -1,7 +1,5 @@
 """Text of a motion file: size and encoding are checked once for all formats; whole, by lines, or as rows of numbers."""
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Files that hold motion and are not read: what a person can do about them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.errors import FileError

@@ -1,7 +1,5 @@
 """The frame rate of a motion: as stated, as its file declares it, and checked against velocities in the file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +10,7 @@ from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files.array_file import finite_rows
 from pipeline.readers.source import Statement
 
-STANDARD_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 480, 500, 600, 960, 1000)
+STANDARD_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 480, 500, 600, 960, 1000, 2000)
 """Rates at which motion is recorded or exported."""
 
 ROUNDING = 1e-4
@@ -65,9 +63,6 @@ def frame_rate(path: Path, declared: float | None, statement: Statement, fault: 
     return fps
 
 
-RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 500, 600, 1000, 2000)
-"""Usual rates; an inferred one is rounded to one of them when it is within 2 %."""
-
 MIN_CORRELATION = 0.98
 """Of differences of position with the stored velocity; below it no rate is inferred."""
 
@@ -94,7 +89,7 @@ class VelocityRate:
     @property
     def usual_fps(self) -> float | None:
         """The usual rate within 2 % [Hz]; None where there is none."""
-        usual = min(RATES_HZ, key=lambda rate: abs(rate - self.fps))
+        usual = min(STANDARD_HZ, key=lambda rate: abs(rate - self.fps))
         return float(usual) if abs(usual - self.fps) < 0.02 * usual else None
 
     def contradicts(self, declared: float) -> bool:

@@ -278,8 +278,4 @@ _OWN = ("passed", "policy", "reasons", "not_required", "not required", "not_run"
 def _facts(result: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Numbers and texts of a result, without lists and tables."""
     plain = {name: value for name, value in result.items() if name not in _OWN and isinstance(value, (str, int, float))}
-    return tuple((name.replace("_", " "), _number(value)) for name, value in sorted(plain.items()))
-
-
-def _number(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return tuple((name.replace("_", " "), _text(value)) for name, value in sorted(plain.items()))

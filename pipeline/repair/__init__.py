@@ -2,5 +2,3 @@
 
 from pipeline.repair.process import prepare, process
 from pipeline.repair.settings import RepairSettings
-
-__all__ = ["RepairSettings", "prepare", "process"]

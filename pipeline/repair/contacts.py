@@ -5,8 +5,6 @@ the ankle in the foot's frame. Each has its own stance height, taken from the cl
 ground while one of them is low and slow.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +43,7 @@ class FootPoints:
         """Speed along the ground [m/s]."""
         return np.linalg.norm(self.along_ground, axis=-1)
 
-    def cut(self, part: slice) -> FootPoints:
+    def cut(self, part: slice) -> "FootPoints":
         """The frames of `part`."""
         return FootPoints(height=self.height[part], speed=self.speed[part], along_ground=self.along_ground[part])
 

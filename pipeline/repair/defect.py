@@ -1,7 +1,5 @@
 """What the detectors say: a defect, and all of them as masks of lost samples and cuts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -70,7 +68,7 @@ class Findings:
             if defect.rot:
                 self.lost_rot[defect.start : defect.stop, bodies] = True
 
-    def with_more(self, defects: list[Defect]) -> Findings:
+    def with_more(self, defects: list[Defect]) -> "Findings":
         """These findings and others, as findings of their own."""
         result = Findings(frame_count=self.frame_count)
         result.add([*self.defects, *defects])

@@ -1,7 +1,5 @@
 """All detectors in order, each on a clip in which what was found before is bridged."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lost samples filled from their surroundings, short gaps one way and longer ones another; limbs keep their lengths."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 

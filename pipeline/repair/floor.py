@@ -1,7 +1,5 @@
 """The height of the ground under a person: where the balls of the feet are when they stand."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from dataclasses import dataclass

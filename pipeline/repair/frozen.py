@@ -6,8 +6,6 @@ Where a rest of the person and a lost stretch follow each other in one pose, oth
 person keeps it at least.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Jumps: a body that is somewhere else from one frame to the next, and does or does not come back."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

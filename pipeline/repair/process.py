@@ -1,7 +1,5 @@
 """KP2 on one window of a clip: defects found, filled or cut; placed, smoothed, contacts labelled and checked."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

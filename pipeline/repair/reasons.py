@@ -1,7 +1,5 @@
 """What was found and done, in words and numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections import defaultdict
@@ -106,14 +104,14 @@ def of_slip(
     if slip <= limit:
         return []
     text = f"standing feet slide at {slip:.3f} m/s on average, allowed are {limit:.3f} m/s"
-    return [_refused("foot_skate", text, frames, fps, slip, limit, "m/s")]
+    return [refused("foot_skate", text, frames, fps, slip, limit, "m/s")]
 
 
 def of_skating(one: Skating, fps: float, settings: ContactSettings) -> Reason:
     """A stretch in which the foot that carries the body slides."""
     speed_m_s, limit = one.speed_m_s, settings.skate_limit_m_s
     text = f"standing feet slide at {speed_m_s:.3f} m/s, allowed are {limit:g} m/s; these frames are cut"
-    return _refused("foot_skate", text, (one.start, one.stop), fps, speed_m_s, limit, "m/s")
+    return refused("foot_skate", text, (one.start, one.stop), fps, speed_m_s, limit, "m/s")
 
 
 def of_planting(found: Planted, first: int, last: int, fps: float, settings: ContactSettings) -> Reason:
@@ -133,18 +131,24 @@ def of_flight(contacts: Contacts, frames: tuple[int, int], fps: float, settings:
     if longest <= settings.longest_flight_s:
         return []
     text = f"no foot is on the ground for {longest:.2f} s, allowed are {settings.longest_flight_s:g} s"
-    return [_refused("no_contact", text, frames, fps, longest, settings.longest_flight_s, "s")]
+    return [refused("no_contact", text, frames, fps, longest, settings.longest_flight_s, "s")]
 
 
 def too_short(first: int, last: int, fps: float, min_seconds: float) -> Reason:
     """A stretch that is left over between defects."""
     seconds = (last - first) / fps
     text = f"{seconds:.2f} s are left, at least {min_seconds:g} s are needed"
-    return _refused("too_short", text, (first, last), fps, seconds, min_seconds, "s")
+    return refused("too_short", text, (first, last), fps, seconds, min_seconds, "s")
 
 
-def _refused(
-    code: str, text: str, frames: tuple[int, int], fps: float, value: float, limit: float, unit: str
+def refused(
+    code: str,
+    text: str,
+    frames: tuple[int, int],
+    fps: float,
+    value: float | None = None,
+    limit: float | None = None,
+    unit: str = "",
 ) -> Reason:
     """A stretch of frames [first, last) that is not kept."""
     text = f"frames {frames[0]}-{frames[1] - 1}: {text}"

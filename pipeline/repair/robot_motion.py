@@ -10,8 +10,6 @@ steps of about the same size, each many times the steps beside it. What the join
 frames are cut; a step without its opposite is no dropout.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -56,6 +54,7 @@ def label_robot_contacts(clip: RobotClip, robot: Robot) -> Contacts:
 
 
 QUAT_NORM_CHANGE = 0.01
+CUT = "these frames are cut"
 
 
 def process_robot(
@@ -100,18 +99,17 @@ def _speed_limit(clip: RobotClip, robot: Robot | None, settings: RobotSettings) 
     return settings.speed_limit_share * robot.motor_speed_limit
 
 
-def _bad_frames(clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout]) -> tuple[FrameMask, list[Reason]]:
+def _bad_frames(clip: RobotClip, speed_limit: np.ndarray, dropouts: "list[Dropout]") -> tuple[FrameMask, list[Reason]]:
     """Frames to cut, and why."""
-
-    def reason(code: str, low: int, high: int, problem: str, **numbers: float | str) -> Reason:
-        text = f"frames {low}-{high - 1}: {problem}; these frames are cut"
-        return Reason.of_frames(code, text, "rejected", (low, high), clip.fps, **numbers)
-
     norm = np.linalg.norm(clip.root_quat_w, axis=1)
     finite = np.isfinite(clip.root_pos_w).all(axis=1) & np.isfinite(clip.joint_pos).all(axis=1) & np.isfinite(norm)
-    gathered = [reason("missing", *frames, "not a number") for frames in time_series.runs(~finite)]
     unit = np.abs(np.where(finite, norm, 1.0) - 1.0) <= QUAT_NORM_CHANGE
-    gathered += [reason("no_rotation", *frames, "root quaternion not unit") for frames in time_series.runs(~unit)]
+    found = (("missing", "not a number", ~finite), ("no_rotation", "root quaternion not unit", ~unit))
+    gathered = [
+        reasons.refused(code, f"{problem}; {CUT}", frames, clip.fps)
+        for code, problem, bad in found
+        for frames in time_series.runs(bad)
+    ]
     away = np.zeros(clip.frame_count, dtype=bool)
     for dropout in dropouts:
         away[dropout.start : dropout.stop] = True
@@ -125,8 +123,10 @@ def _bad_frames(clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout
         span = speed[low : high - 1]
         joint = int(np.argmax((span / speed_limit).max(axis=0)))
         fastest, limit = float(span[:, joint].max()), float(speed_limit[joint])
-        problem = f"joint '{clip.joint_names[joint]}' moves at {fastest:.1f} rad/s, allowed are {limit:.1f} rad/s"
-        gathered.append(reason("joint_jump", low, high, problem, value=fastest, limit=limit, unit="rad/s"))
+        problem = (
+            f"joint '{clip.joint_names[joint]}' moves at {fastest:.1f} rad/s, allowed are {limit:.1f} rad/s; {CUT}"
+        )
+        gathered.append(reasons.refused("joint_jump", problem, (low, high), clip.fps, fastest, limit, "rad/s"))
     return ~known | ~unit | too_fast, gathered
 
 
@@ -206,10 +206,9 @@ class Dropout:
 
     def reason(self, fps: float) -> Reason:
         """Why the frames are cut."""
-        jump = f"frames {self.start}-{self.stop - 1}: {self.what} jumps by {self.size:.3f} {self.unit} and back"
-        numbers = {"value": self.size, "limit": LEAST_STEPS[self.unit], "unit": self.unit}
-        text = f"{jump}; these frames are cut"
-        return Reason.of_frames("dropout", text, "rejected", (self.start, self.stop), fps, **numbers)
+        text = f"{self.what} jumps by {self.size:.3f} {self.unit} and back; {CUT}"
+        limit = LEAST_STEPS[self.unit]
+        return reasons.refused("dropout", text, (self.start, self.stop), fps, self.size, limit, self.unit)
 
 
 @dataclass(frozen=True, kw_only=True)

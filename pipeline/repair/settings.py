@@ -1,7 +1,5 @@
 """What KP2 takes for damaged, how far it repairs, and what it rejects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -5,8 +5,6 @@ a bad frame disturbs the bridges of two frames on either side, by a known share,
 places where the scale of the misses may change, that is taken which explains what all bodies miss there best.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool, Float
 

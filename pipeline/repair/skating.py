@@ -12,8 +12,6 @@ shorter than its person's makes standing feet slide in step with the walk, by 0.
 All joint angles are right there; only the body's way over the ground is not.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Left and right limbs that changed places for a while."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool
 

@@ -1,7 +1,5 @@
 """The canonical skeleton as arrays, and a clip's bodies seen from their parents."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool, Float
 

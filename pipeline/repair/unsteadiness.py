@@ -10,8 +10,6 @@ it. For motion the miss goes with the fourth derivative, so it is far smaller th
 other (`unsteadiness`); for a spike it is the spike's size.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

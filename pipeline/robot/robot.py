@@ -143,6 +143,23 @@ class Robot:
     def root_link(self) -> str:
         return self.tree.link_names[0]
 
+    @cached_property
+    def breadth_first(self) -> tuple[str, ...]:
+        """The joints level by level of the kinematic tree, each level in the order of its links.
+
+        It is the order in which Isaac Sim numbers joints, and so that of Booster's published policies.
+        """
+        level, links = [0], []
+        while level:
+            level = [link for parent in level for link in np.flatnonzero(self.tree.parent == parent)]
+            links += level
+        return tuple(self.joint_names[self.tree.joint[link]] for link in links)
+
+    @property
+    def policy_joints(self) -> tuple[str, ...]:
+        """The controlled joints, breadth first."""
+        return tuple(name for name in self.breadth_first if name in self.controlled)
+
     @property
     def site_names(self) -> tuple[str, ...]:
         return self.tree.site_names

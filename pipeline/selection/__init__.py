@@ -11,18 +11,3 @@ from pipeline.clips.outcome import LABELS, SKILLS, TRANSITION
 from pipeline.selection.choose import RaisedBound, choose, idle_patterns, raised_bounds
 from pipeline.selection.curation import Curation, Decision, without_excluded
 from pipeline.selection.windows import find_windows, process
-
-__all__ = [
-    "LABELS",
-    "SKILLS",
-    "TRANSITION",
-    "Curation",
-    "Decision",
-    "RaisedBound",
-    "choose",
-    "find_windows",
-    "idle_patterns",
-    "process",
-    "raised_bounds",
-    "without_excluded",
-]

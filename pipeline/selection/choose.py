@@ -1,7 +1,5 @@
 """Select windows of all clips according to the curation, and what a raised limit of a skill adds."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ Decisions are written at the end of the file: the text above them, with its rema
 last key and its block is replaced as a whole; all other settings are read before and after and must be the same.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import fcntl
 import os
@@ -89,13 +87,9 @@ def without_excluded(manifest: Manifest, decisions: Sequence[Decision]) -> Manif
     for entry in manifest.entries:
         decision = excluded.get(entry.clip) or excluded.get(input_of.get(entry.clip, ""))
         if decision is not None:
-            dropped[entry.clip] = reason_of(entry.clip, decision)
+            text = f"{entry.clip}: {decision.text()}"
+            dropped[entry.clip] = Reason(code="excluded_by_person", text=text, effect="rejected").to_dict()
     return manifest.without(dropped) if dropped else manifest
-
-
-def reason_of(clip: str, decision: Decision) -> dict[str, Any]:
-    """The decision as the reason of a rejection."""
-    return Reason(code="excluded_by_person", text=f"{clip}: {decision.text()}", effect="rejected").to_dict()
 
 
 EXPERT_MOTIONS = ("rollouts", "references", "both")

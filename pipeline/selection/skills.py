@@ -9,8 +9,6 @@ dynamic programming (Viterbi with a least duration a label), so no gap has to be
 ends where that is cheapest, not where a threshold was crossed first.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from typing import Annotated

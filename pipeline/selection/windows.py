@@ -1,7 +1,5 @@
 """KP1 of one clip: segment it into windows of one skill where the motion changes; the windows are its pieces."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -79,7 +79,7 @@ def before_after(reference: RobotClip, rollout: RobotClip, robot: Robot) -> dict
     for when, clip in (("before", reference), ("after", rollout)):
         found[f"speed_{when}_m_s"] = path_speed(clip.root_pos_w, clip.fps)
         sole = sole_motion(clip, robot)
-        slip = None if clip.contacts is None else lowest_corner_slip(sole, clip.contacts).p95
+        slip = None if clip.contacts is None else lowest_corner_slip(sole, clip.contacts)[1]
         found[f"slip_{when}_m_s"] = slip
         found[f"penetration_{when}_m"] = max(0.0, -float(sole.height.min()))
         found[f"jerk_{when}_rad_s3"] = joint_jerk(clip, robot.controlled)

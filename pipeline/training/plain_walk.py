@@ -15,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from pipeline.deployment.policy import CAPS
+from pipeline.deployment.policy import MOST_BYTES
 from pipeline.deployment.task import ACTION_SCALE, HISTORY
 from pipeline.files.npz import read_npz_header
 
@@ -69,7 +69,7 @@ class Network:
 
     def __init__(self, path: Path):
         """Raises FileError for what is no archive or is larger than a policy."""
-        read_npz_header(path, CAPS)
+        read_npz_header(path, MOST_BYTES)
         with np.load(path, allow_pickle=False) as arrays:
             count = sum(name.startswith("L") and name.endswith("_w") for name in arrays.files)
             self.layers = [

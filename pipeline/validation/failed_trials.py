@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.deployment import digest
 from pipeline.errors import FileError
 from pipeline.hardware_logs.log_facts import stated_facts
-from pipeline.hardware_logs.log_report import Bounds, LogError, LogReport
+from pipeline.hardware_logs.log_report import LogError, LogReport
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.missed_bars import KNOWN, MissedBar, note_of
 from pipeline.hardware_logs.robot_log import METADATA, LogFacts, OperatorEvent, RobotLog
@@ -159,7 +159,7 @@ def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path]) -> tuple[P
 
 def _is_of(path: Path, one: Deployed) -> bool:
     """Whether a file was written by `write_failed_trials` for this policy and robot, under its own name."""
-    reader = McapReader(path, LogReport(path=path), Bounds())
+    reader = McapReader(path, LogReport(path=path))
     with suppress(LogError, OSError):
         for _ in reader.read():
             break

@@ -75,7 +75,7 @@ def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numb
         "yaw_rate": velocity.yaw_rate_rad_s,
         "speed_error": np.hypot(velocity.forward_m_s - command.forward, velocity.lateral_m_s - command.lateral),
         "yaw_rate_error": abs(velocity.yaw_rate_rad_s - command.yaw_rate),
-        "slip": lowest_corner_slip(sole_motion(clip, rollout.robot), contacts).mean,
+        "slip": lowest_corner_slip(sole_motion(clip, rollout.robot), contacts)[0],
         "drift": np.hypot(*moved),
         "steps": (contacts[1:] & ~contacts[:-1]).sum(),
         **_effort(rollout, measure_s, envelope),

@@ -10,6 +10,8 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, HumanClip, body
 from pipeline.errors import ClipError
+from pipeline.quality.planar_motion import facing_of, leg_length
+from pipeline.robot.legs import mirrored_name
 from pipeline.viewing.figure import Color, Figure, Part, Shape
 
 SKIN: Color = (0.87, 0.68, 0.53)
@@ -47,7 +49,10 @@ _FOOT = {"left_ankle": 0, "right_ankle": 1}
 
 def human_figure(clip: HumanClip) -> Figure:
     """The figure of a human clip. A bone with a missing end is missing. Raises ClipError if a leg is never present."""
-    scale = leg_length(clip) / LEG
+    leg, facing_w = leg_length(clip), facing_of(clip)
+    if not np.isfinite(leg):
+        raise ClipError(clip.name, "missing", "there is no frame with hip, knee and ankle of each leg.")
+    scale = leg / LEG
     parts, pos, quat = [], [], []
     for start, stop, radius, color in BONES:
         from_w, to_w = clip.body_pos_w[:, body(start)], clip.body_pos_w[:, body(stop)]
@@ -67,20 +72,14 @@ def human_figure(clip: HumanClip) -> Figure:
         pos_w=np.stack(pos, axis=1),
         quat_w=np.stack(quat, axis=1),
         root_pos_w=clip.pos("pelvis"),
-        heading=facing(clip),
+        heading=np.arctan2(facing_w[:, 1], facing_w[:, 0]),
         contacts=clip.contacts,
     )
 
 
-def facing(clip: HumanClip) -> Float[np.ndarray, " t"]:
-    """Direction [rad] square to the line from the right to the left hip; NaN where a hip is missing."""
-    left = clip.pos("left_hip") - clip.pos("right_hip")
-    return np.arctan2(-left[:, 0], left[:, 1])
-
-
 def mirrored(clip: HumanClip) -> HumanClip:
     """The clip mirrored in the plane y = 0, for the `~mirror` variant of a robot clip."""
-    index = [body(_other_side(name)) for name in BODIES]
+    index = [body(mirrored_name(name, [("left", "right")])) for name in BODIES]
     return HumanClip(
         name=clip.name,
         fps=clip.fps,
@@ -88,24 +87,6 @@ def mirrored(clip: HumanClip) -> HumanClip:
         body_quat_w=clip.body_quat_w[:, index] * np.array([1.0, -1.0, 1.0, -1.0]),
         contacts=None if clip.contacts is None else clip.contacts[:, ::-1].copy(),
     )
-
-
-def _other_side(name: str) -> str:
-    side, _, rest = name.partition("_")
-    other = {"left": "right", "right": "left"}.get(side)
-    return f"{other}_{rest}" if other else name
-
-
-def leg_length(clip: HumanClip) -> float:
-    """Thigh plus shank [m], median over the frames, mean of both sides."""
-    total = 0.0
-    for start, stop in (("hip", "knee"), ("knee", "ankle")):
-        for side in ("left", "right"):
-            bone = _median_length(clip.pos(f"{side}_{stop}") - clip.pos(f"{side}_{start}"))
-            if bone == 0.0:
-                raise ClipError(clip.name, "missing", f"there is no frame with a {side} {start} and {stop}.")
-            total += bone / 2
-    return total
 
 
 def _median_length(vectors: Float[np.ndarray, "t 3"]) -> float:

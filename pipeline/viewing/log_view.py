@@ -4,13 +4,11 @@ A log has joints and the trunk's attitude; its path is from leg odometry, so it 
 """
 
 import dataclasses
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from pipeline import rotation
 from pipeline.actuators.adapted_robot import TABLE, JointActuator, adapt, read_actuators
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.clips.robot_clip import RobotClip
@@ -22,11 +20,11 @@ from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.sim_to_real import simulated
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list, markdown_table
-from pipeline.hardware_logs import LogSettings, Trial, ingest, layouts, read_trial
-from pipeline.readers.robot_log import leg_odometry
+from pipeline.hardware_logs import LogSettings, Trial, read_log
+from pipeline.readers.robot_log import root_poses
 from pipeline.readers.robot_motion import robots
 from pipeline.robot import Robot, load_robot
-from pipeline.viewing.playlist import Mark, Playlist, Shown
+from pipeline.viewing.playlist import Playlist, Shown
 
 RATE_HZ = 50.0
 SIMULATION = "simulation"
@@ -53,9 +51,7 @@ def log_playlist(path: Path, files: LogFiles) -> Playlist:
     Raises FileError for a log that is refused, or that is of no robot of this project.
     """
     values = settings.read(files.data / "hardware_logs.yaml", LogSettings)
-    with tempfile.TemporaryDirectory(prefix="booster-lab-log-") as folder:
-        made = ingest(path, path.stem, Path(folder), layouts=layouts(robots()), settings=values)
-        trials = {trial.name: trial for trial in (read_trial(each.path) for each in made.trials)}
+    trials = {trial.name: trial for trial in read_log(path, robots(), values)}
     if not trials:
         raise FileError(path, "it holds no trial: nothing was recorded with joints and attitude.")
     return Playlist(names=tuple(trials), load=lambda name: shown_trial(trials[name], files))
@@ -75,13 +71,10 @@ def shown_trial(trial: Trial, files: LogFiles) -> Shown:
     twin = None
     if policy is not None and np.isfinite(np.asarray(trial.command, dtype=float)).any():
         twin = simulated(trial, robot, actuators, policy, trial.seconds).clip(SIMULATION)
-    marks = tuple(
-        Mark(
-            time_s=each.time_s,
-            label=f"{each.time_s:.2f} s {each.kind.replace('_', ' ')} {each.joint or each.direction}",
-        )
+    marks = {
+        f"{each.time_s:.2f} s {each.kind.replace('_', ' ')} {each.joint or each.direction}": each.time_s
         for each in report.failures
-    )
+    }
     return Shown(
         name=trial.name,
         robot=robot,
@@ -104,9 +97,7 @@ def pose_clip(trial: Trial, robot: Robot) -> RobotClip:
     if not len(frames):
         raise FileError(trial.name, "joints and attitude were never recorded together.")
     root_pos, root_quat = np.full((len(known), 3), np.nan), np.full((len(known), 4), np.nan)
-    roll, pitch, yaw = rpy[frames].T
-    quat = rotation.from_euler([(2, yaw), (1, pitch), (0, roll)])
-    root_pos[frames], root_quat[frames] = leg_odometry(robot, quat, joint_pos[frames]), quat
+    root_pos[frames], root_quat[frames] = root_poses(robot, rpy[frames], joint_pos[frames])
     return RobotClip(
         name=trial.name,
         fps=trial.rate_hz / step,

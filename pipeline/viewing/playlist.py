@@ -4,8 +4,8 @@ A `MotionSource` is plain data: worker processes load it, and its digest identif
 """
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from pipeline.batch import Store
 from pipeline.clips.human_clip import HumanClip
@@ -14,14 +14,6 @@ from pipeline.robot import Robot
 from pipeline.viewing.figure import Figure
 from pipeline.viewing.human_figure import human_figure, mirrored
 from pipeline.viewing.robot_figure import robot_figure
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mark:
-    """A moment that one can jump to."""
-
-    time_s: float
-    label: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +33,8 @@ class Shown:
     """The robot that `robot_clip` is for."""
     text: str = ""
     """Its facts, in Markdown."""
-    marks: tuple[Mark, ...] = ()
-    """Failures of a log, in order of their times."""
+    marks: Mapping[str, float] = field(default_factory=dict)
+    """Failures of a log in order, and their times [s]."""
     line_at: Callable[[float], str] | None = None
     """What is shown at a time [s], such as the command of a log."""
 

@@ -218,7 +218,7 @@ class Viewer(TickedPage):
         self.playback = Playback(duration_s=duration_s, playing=self.playback.playing)
         self.slider.max = max(round(duration_s, 2), 0.01)
         self.text.content = f"**{escaped(name)}**\n\n{shown.text}"
-        self._times = {mark.label: mark.time_s for mark in shown.marks}
+        self._times = dict(shown.marks)
         self.marks.options, self.marks.value = (NO_MARK, *self._times), NO_MARK
         self.marks.visible, self.line.visible = bool(self._times), shown.line_at is not None
         self._mark, self._line_at = NO_MARK, shown.line_at

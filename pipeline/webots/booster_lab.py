@@ -5,8 +5,6 @@ Webots starts it in a folder with all it needs besides numpy: `task.json` (joint
 is that of the robot: `PolicyController` for targets, `PdControl` for torques. The supervisor is used for scoring only.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -4,8 +4,6 @@ The program runs in its own process group, which is ended as a whole: Webots sta
 the program raises an error here; it becomes the outcome.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

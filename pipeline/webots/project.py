@@ -1,7 +1,5 @@
 """A self-contained Webots project folder: PROTO, world, controller with policy and modules."""
 
-from __future__ import annotations
-
 import ast
 import json
 import sys
@@ -33,18 +31,14 @@ SOFT_ERP, SOFT_CFM = 0.2, 1e-3
 """Webots' defaults, stated explicitly: error reduction and softness of a contact."""
 
 
-class TimestepError(PipelineError):
-    """A timestep that is not supported."""
-
-    def __init__(self, timestep_ms: float):
-        allowed = " or ".join(f"{each:g}" for each in TIMESTEPS_MS)
-        super().__init__(f"a basicTimeStep of {timestep_ms:g} ms is not offered; choose {allowed} ms.")
-
-
 def robot_world(robot: Robot, timestep_ms: float = 5.0, friction: float = 1.0) -> Scene:
-    """The world file, in `worlds/` beside `protos/`. Contacts don't bounce, and bodies at rest stay simulated."""
+    """The world file, in `worlds/` beside `protos/`. Contacts don't bounce, and bodies at rest stay simulated.
+
+    Raises PipelineError for a timestep that is not in `TIMESTEPS_MS`.
+    """
     if timestep_ms not in TIMESTEPS_MS:
-        raise TimestepError(timestep_ms)
+        allowed = " or ".join(f"{each:g}" for each in TIMESTEPS_MS)
+        raise PipelineError(f"a basicTimeStep of {timestep_ms:g} ms is not offered; choose {allowed} ms.")
     soft = {"bounce": (0.0,), "bounceVelocity": (0.0,), "softERP": (SOFT_ERP,), "softCFM": (SOFT_CFM,)}
     contacts = [
         node("ContactProperties", material1=MATERIAL, material2=other, coulombFriction=[friction], **soft)
@@ -204,18 +198,11 @@ Int = Bool = Float
 '''
 
 
-class ForeignImportError(PipelineError):
-    """The controller would need a package that Webots' Python may lack."""
-
-    def __init__(self, module: str, package: str):
-        super().__init__(
-            f"module '{module}' imports '{package}', which the Webots project would then need; the controller may "
-            f"use {', '.join(sorted(ELSEWHERE))} and the standard library."
-        )
-
-
 def needed_modules() -> dict[str, Path]:
-    """Path below the controller's folder -> source file of each needed module. Raises ForeignImportError."""
+    """Path below the controller's folder -> source file of each needed module.
+
+    Raises PipelineError where the controller would need a package that Webots' Python may lack.
+    """
     found: set[Path] = set()
     waiting = [PROGRAM]
     while waiting:
@@ -226,7 +213,10 @@ def needed_modules() -> dict[str, Path]:
                 waiting += set(_files(module)) - found
                 found.update(_files(module))
             elif top not in ELSEWHERE and top not in sys.stdlib_module_names:
-                raise ForeignImportError(path.stem, top)
+                raise PipelineError(
+                    f"module '{path.stem}' imports '{top}', which the Webots project would then need; the controller "
+                    f"may use {', '.join(sorted(ELSEWHERE))} and the standard library."
+                )
     return {path.relative_to(PIPELINE.parent).as_posix(): path for path in sorted(found)}
 
 

@@ -5,8 +5,6 @@ accepts between -pi and pi. Motors are driven by torque, limited by `maxTorque`;
 only.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Result of a controller, parsed and validated as untrusted input."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Annotated, Any

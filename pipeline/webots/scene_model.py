@@ -3,8 +3,6 @@
 The stand-ins simulate this model instead of the robot's tables, so an error in the PROTO shows in them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 The project's PROTO and world are compared with the robot that they were made from; every deviation is listed.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import sys

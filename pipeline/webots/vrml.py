@@ -4,8 +4,6 @@ A field's value is a tuple of numbers (`0 0 1`), a number list in brackets (a li
 a node, a list of nodes or strings, `None` (NULL) or an `Is` (a field that a PROTO takes from its interface).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -42,7 +40,7 @@ class Node:
     name: str = ""
     """Name of its DEF, else empty."""
 
-    def nodes(self) -> Iterator[Node]:
+    def nodes(self) -> "Iterator[Node]":
         """This node and all below it."""
         yield self
         for value in self.fields.values():
@@ -50,7 +48,7 @@ class Node:
                 if isinstance(each, Node):
                     yield from each.nodes()
 
-    def all(self, kind: str) -> list[Node]:
+    def all(self, kind: str) -> "list[Node]":
         return [each for each in self.nodes() if each.kind == kind]
 
 

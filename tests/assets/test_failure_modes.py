@@ -10,9 +10,8 @@ from assets import failure_modes
 from assets.project import Project
 from pipeline.batch import Manifest, Store
 from pipeline.failures.trial_report import NOTED, TrialReport
-from pipeline.hardware_logs import write_trial
 from pipeline.hardware_logs.missed_bars import MissedBar
-from tests.factories.log_trials import ROOT, trials_in
+from tests.factories.log_trials import ROOT, trials_in, write_trial
 
 
 @pytest.fixture

@@ -19,12 +19,11 @@ from pipeline.batch import Manifest
 from pipeline.deployment import digest, load_policy, save_policy
 from pipeline.export.folder import Source, export_policy
 from pipeline.failures.trial_report import TrialReport
-from pipeline.hardware_logs import write_trial
 from pipeline.robot import Robot, load_robot
 from pipeline.validation import suites
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT
 from pipeline.virtual_robot.trial import VirtualTrial
-from tests.factories.log_trials import scripted_log, trial_of
+from tests.factories.log_trials import scripted_log, trial_of, write_trial
 from tests.factories.standing_policy import standing_policy
 
 PLANS = robot_plans("k1")

@@ -14,13 +14,14 @@ import lz4.frame
 import numpy as np
 import zstandard
 
-from pipeline.hardware_logs import FASTWRITE, ZSTD_FAST, RobotLog, Storage, mcap_bytes
+from pipeline.hardware_logs import RobotLog, Storage, mcap_bytes
 from pipeline.hardware_logs.log_facts import to_metadata
 from pipeline.hardware_logs.mcap_chunk import CHUNK, CHUNK_HEAD, HEADER, MAGIC, RECORD_HEAD
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
 from pipeline.hardware_logs.robot_log import METADATA
-from pipeline.hardware_logs.write import McapWriter, payloads
+from pipeline.hardware_logs.write import payloads
 from pipeline.robot import Robot
+from tests.factories.mcap_writer import FASTWRITE, ZSTD_FAST, McapWriter
 from tests.factories.robot_logs import START_NS, robot_log
 
 CHUNK_BYTES = 60_000

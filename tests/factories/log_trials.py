@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from pipeline.deployment import deployment_task
 from pipeline.failures.settings import FailureSettings
 from pipeline.files import settings
 from pipeline.hardware_logs import LogFacts, LogSettings, RobotLog, Trial, ingest, layouts, read_trial, write_mcap
+from pipeline.hardware_logs.trial import ARRAYS, TrialWriter
 from pipeline.robot import Robot
 from pipeline.virtual_robot.scripted import Script, ScriptedController
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
@@ -51,3 +54,19 @@ def scripted_log(robot: Robot, script: Script, trial: VirtualTrial, seed: int = 
     task = deployment_task(robot, kp=pose.kp, kd=pose.kd, default_joint_pos=pose.joint_pos)
     facts = LogFacts(robot=robot.name, policy_digest=script.digest)
     return simulate(robot, ScriptedController(task, script), trial, np.random.default_rng(seed), facts)[1]
+
+
+def head_of(trial: Trial) -> dict[str, Any]:
+    """What a trial is besides its arrays, as JSON."""
+    head = {each.name: getattr(trial, each.name) for each in fields(trial) if each.name not in ARRAYS}
+    head["events"] = [vars(event) for event in trial.events]
+    head["gaps"] = [vars(gap) for gap in trial.gaps]
+    missed = [asdict(each) for each in head.pop("missed")]
+    return {**head, "missed": missed} if missed else head
+
+
+def write_trial(path: Path, trial: Trial) -> None:
+    """Write a trial's Parquet file, whole or not at all. Same trial, same bytes."""
+    with TrialWriter(path) as writer:
+        writer.add({name: getattr(trial, name) for name in ARRAYS})
+        writer.finish(head_of(trial))

@@ -9,13 +9,14 @@ from pipeline.hardware_logs import (
     LowStates,
     Odometry,
     OperatorEvent,
-    RemoteStates,
     RobotLog,
 )
+from pipeline.hardware_logs.messages import BUTTONS, ENCAPSULATION, payload_dtype
 from pipeline.robot import Robot
 
 START_NS = 1_750_000_000_000_000_000
 POLICY = "ab" * 32
+STICKS = ("lx", "ly", "rx", "ry")
 
 
 def facts(**changes) -> LogFacts:
@@ -57,6 +58,17 @@ def low_states(robot: Robot, time_ns: np.ndarray) -> LowStates:
     )
 
 
+def sticks_and_buttons(
+    time_ns: np.ndarray, sticks: np.ndarray, buttons: np.ndarray
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Messages of the remote: lx, ly, rx, ry (m, 4) from -1 to 1, and `BUTTONS` (m, 12), 0 or 1."""
+    values = np.zeros(len(time_ns), dtype=payload_dtype("RemoteControllerState"))
+    values["encapsulation"], values["hat_c"] = np.void(ENCAPSULATION), 1
+    for name, column in zip((*STICKS, *BUTTONS), (*sticks.T, *buttons.T), strict=True):
+        values[name] = column
+    return {"/remote_controller_state": (time_ns, values)}
+
+
 def robot_log(robot: Robot, seconds: float = 2.0, **changes) -> RobotLog:
     """All five topics: 500, 50, 10, 50 and 20 messages a second."""
     shape = (len(every(seconds, 50)), len(robot.joint_names))
@@ -80,9 +92,7 @@ def robot_log(robot: Robot, seconds: float = 2.0, **changes) -> RobotLog:
             recovery_available=np.ones(len(fall), dtype=np.int64),
         ),
         "odometer": Odometry(time_ns=ctrl, pose=0.01 * np.arange(shape[0])[:, None] * np.array([1.0, 0.5, 0.1])),
-        "remote": RemoteStates(
-            time_ns=remote, sticks=np.tile([-0.5, -1.0, 0.25, 0.0], (len(remote), 1)), buttons=buttons
-        ),
+        "further": sticks_and_buttons(remote, np.tile([-0.5, -1.0, 0.25, 0.0], (len(remote), 1)), buttons),
     }
     return RobotLog(**(values | changes))
 

@@ -16,11 +16,11 @@ from assets.project import Project
 from pipeline.cli import main as command
 from pipeline.errors import FileError
 from pipeline.files import settings
+from pipeline.files.npz import read_npz_header
 from pipeline.hardware_logs import LogSettings, mcap_reader
 from pipeline.hardware_logs.decode import JointCount, TopicDecoder
 from pipeline.hardware_logs.mcap_channels import Channel, Schema
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
-from pipeline.readers.npz_file import open_npz
 from pipeline.readers.restricted_pickle import load_pickle, load_torch
 from tests.factories.interrupted import WORKS
 
@@ -45,10 +45,10 @@ def shortage(request):
 def test_an_archive_is_not_called_damaged(tmp_path, monkeypatch, shortage):
     error, fail = shortage
     np.savez(tmp_path / "clip.npz", poses=np.zeros((3, 72)))
-    header = open_npz(tmp_path / "clip.npz")
+    header = read_npz_header(tmp_path / "clip.npz")
     monkeypatch.setattr(zipfile.ZipFile, "open", fail)
     with pytest.raises(type(error)) as raised:
-        open_npz(tmp_path / "clip.npz")
+        read_npz_header(tmp_path / "clip.npz")
     assert raised.value is error
     with pytest.raises(type(error)) as raised:
         header.array("poses")

@@ -10,8 +10,9 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from pipeline.files import settings
 from pipeline.hardware_logs import LogSettings, Trial, ingest, layouts, mcap_bytes, read_trial, write_mcap
 from pipeline.hardware_logs.messages import MESSAGES, PRIMITIVES, TOPICS, schema_name, schema_text
-from pipeline.hardware_logs.write import McapWriter, payloads
+from pipeline.hardware_logs.write import payloads
 from tests.factories.damaged_logs import bag_bytes
+from tests.factories.mcap_writer import McapWriter
 from tests.factories.robot_logs import START_NS, robot_log
 
 

@@ -8,10 +8,8 @@ import pytest
 
 from pipeline.files import settings
 from pipeline.hardware_logs import (
-    FASTWRITE,
     LogError,
     LogSettings,
-    RemoteStates,
     Storage,
     Trial,
     ingest,
@@ -24,7 +22,8 @@ from pipeline.hardware_logs.log_report import Bounds
 from pipeline.hardware_logs.mcap_chunk import DATA_END, RECORD_HEAD
 from pipeline.hardware_logs.missed_bars import MissedBar, note_of
 from pipeline.robot import load_robot
-from tests.factories.robot_logs import START_NS, facts, low_states, robot_log
+from tests.factories.mcap_writer import FASTWRITE
+from tests.factories.robot_logs import START_NS, facts, low_states, robot_log, sticks_and_buttons
 
 
 @pytest.fixture
@@ -69,7 +68,7 @@ def test_sticks_are_the_command_where_the_log_says_so(robot, read):
 
 
 def test_no_source_is_no_command(robot, read):
-    (trial,) = read(robot_log(robot, 1.0, facts=facts(command_source="unknown", command=()), remote=None))
+    (trial,) = read(robot_log(robot, 1.0, facts=facts(command_source="unknown", command=()), further={}))
     assert np.isnan(trial.command).all()
 
 
@@ -83,8 +82,7 @@ def test_a_button_that_stays_down_is_one_event(robot, read):
     buttons = np.zeros((20, 12), dtype=np.int64)
     buttons[[3, 4, 5, 9]] = 1
     times = START_NS + np.arange(20) * 50_000_000
-    remote = RemoteStates(time_ns=times, sticks=np.zeros((20, 4)), buttons=buttons)
-    (trial,) = read(robot_log(robot, 1.0, remote=remote))
+    (trial,) = read(robot_log(robot, 1.0, further=sticks_and_buttons(times, np.zeros((20, 4)), buttons)))
     pressed = [event.time_s for event in trial.events if event.kind == "button a"]
     np.testing.assert_allclose(pressed, [0.15, 0.45])
 
@@ -129,15 +127,17 @@ def test_an_error_tells_file_byte_and_messages(robot, read):
 @pytest.mark.parametrize(
     ("bounds", "says"),
     [
-        (Bounds(messages=100), "more than 100 messages"),
-        (Bounds(total_bytes=100_000), "more than 100000 bytes after inflation"),
-        (Bounds(chunks=3), "more than 3 chunks"),
+        ({"messages": 100}, "more than 100 messages"),
+        ({"total_bytes": 100_000}, "more than 100000 bytes after inflation"),
+        ({"chunks": 3}, "more than 3 chunks"),
     ],
 )
-def test_bounds_are_kept(robot, read, bounds, says):
+def test_bounds_are_kept(robot, read, monkeypatch, bounds, says):
+    for name, value in bounds.items():
+        monkeypatch.setattr(Bounds, name, value)
     data = mcap_bytes(robot_log(robot, 1.0), Storage(chunk_bytes=60_000))
     with pytest.raises(LogError, match=says) as caught:
-        read(data, bounds=bounds)
+        read(data)
     assert caught.value.recovered > 0
 
 

@@ -10,7 +10,8 @@ from pipeline.hardware_logs import LogError, LogSettings, Storage, ingest, layou
 from pipeline.hardware_logs.log_facts import to_metadata
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
 from pipeline.hardware_logs.robot_log import METADATA
-from pipeline.hardware_logs.write import FASTWRITE, McapWriter, payloads
+from pipeline.hardware_logs.write import payloads
+from tests.factories.mcap_writer import FASTWRITE, McapWriter
 from tests.factories.robot_logs import POLICY, START_NS, facts, robot_log
 
 STORAGES = {"chunks": Storage(chunk_bytes=60_000), "no chunks": FASTWRITE}

@@ -6,7 +6,7 @@ import pytest
 from pipeline.files import settings
 from pipeline.hardware_logs import LogSettings
 from pipeline.hardware_logs.columns import low_state_columns
-from pipeline.hardware_logs.layout import layout_of, layouts
+from pipeline.hardware_logs.layout import layouts
 from pipeline.hardware_logs.plausible import Plausible
 from pipeline.hardware_logs.write import low_states as payloads
 from pipeline.robot import load_robot
@@ -21,7 +21,7 @@ def look(root, robot):
         values = settings.read(root / "data/hardware_logs.yaml", LogSettings).plausible
         columns = low_state_columns(payloads(low_states(robot, every(1.0, 500))))
         change(columns)
-        plausible = Plausible(values, layout_of(robot))
+        plausible = Plausible(values, robot)
         kept = plausible.finite(columns)
         plausible.in_range({name: each[kept] for name, each in columns.items()})
         return plausible
@@ -92,5 +92,5 @@ def test_a_count_of_lost_packets_that_falls_is_told(look):
 
 def test_robots_are_told_by_their_number_of_joints(robot):
     found = layouts([robot, load_robot("k1")])
-    assert {count: each.robot for count, (each,) in found.items()} == {22: "k1", 23: "t1"}
+    assert {count: each.name for count, (each,) in found.items()} == {22: "k1", 23: "t1"}
     assert "Waist" not in found[22][0].joint_names

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline.errors import FileError
-from pipeline.hardware_logs import Gap, OperatorEvent, Trial, read_trial, write_trial
+from pipeline.hardware_logs import Gap, OperatorEvent, Trial, read_trial
 from pipeline.hardware_logs.missed_bars import MissedBar
-from pipeline.hardware_logs.trial import ARRAYS, TrialWriter, head_of
+from pipeline.hardware_logs.trial import ARRAYS, TrialWriter
+from tests.factories.log_trials import head_of, write_trial
 
 
 def a_trial(count: int = 5, joints: int = 2) -> Trial:

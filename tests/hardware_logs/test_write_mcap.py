@@ -8,9 +8,10 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pipeline.hardware_logs import FASTWRITE, ZSTD_FAST, ZSTD_SMALL, Storage, mcap_bytes, write_mcap
+from pipeline.hardware_logs import ZSTD_SMALL, Storage, mcap_bytes, write_mcap
 from pipeline.hardware_logs.messages import BUTTONS, MESSAGES, TOPICS, schema_name, schema_text
-from tests.factories.robot_logs import POLICY, START_NS, robot_log
+from tests.factories.mcap_writer import FASTWRITE, ZSTD_FAST
+from tests.factories.robot_logs import POLICY, START_NS, STICKS, robot_log
 
 
 def typestore():
@@ -61,9 +62,9 @@ def test_rosbags_reads_every_field_that_was_written(robot, tmp_path):
     read = [[each.x, each.y, each.theta] for _, each in found["/odometer_state"]]
     np.testing.assert_array_equal(read, log.odometer.pose.astype(np.float32))
     remote = [each for _, each in found["/remote_controller_state"]]
-    read = [[each.lx, each.ly, each.rx, each.ry] for each in remote]
-    np.testing.assert_array_equal(read, log.remote.sticks.astype(np.float32))
-    assert [[getattr(each, name) for name in BUTTONS] for each in remote] == log.remote.buttons.astype(bool).tolist()
+    _, written = log.further["/remote_controller_state"]
+    for name in (*STICKS, *BUTTONS):
+        assert [getattr(each, name) for each in remote] == written[name].tolist()
 
 
 @pytest.mark.parametrize("storage", [ZSTD_SMALL, ZSTD_FAST, FASTWRITE, Storage(compression="lz4", chunk_bytes=50_000)])

@@ -7,10 +7,10 @@ import pytest
 
 from pipeline.errors import FileError
 from pipeline.hardware_logs import write_mcap
-from pipeline.hardware_logs.write import FASTWRITE
 from pipeline.readers import read_motion
 from tests.factories import c3d_files, robot_files
 from tests.factories import motion_files as files
+from tests.factories.mcap_writer import FASTWRITE
 from tests.factories.robot_logs import robot_log
 from tests.readers.test_read_npz_humans import amp_npz
 

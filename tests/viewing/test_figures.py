@@ -95,7 +95,7 @@ def test_a_clip_without_a_leg_is_refused():
     clip = gliding_human(frame_count=3)
     pos = clip.body_pos_w.copy()
     pos[:, body("right_knee")] = np.nan
-    with pytest.raises(ClipError, match="no frame with a right hip and knee"):
+    with pytest.raises(ClipError, match="no frame with hip, knee and ankle of each leg"):
         human_figure(dataclasses.replace(clip, body_pos_w=pos))
 
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from pipeline.deployment import deployment_task
-from pipeline.errors import SettingsError
+from pipeline.errors import PipelineError, SettingsError
 from pipeline.files.settings import read
 from pipeline.robot import Robot, mujoco_model
 from pipeline.robot.load import read_description
 from pipeline.simulation.mujoco_plant import put_armature_on_links
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.webots.project import Project, TimestepError, needed_modules, robot_world, write_project
+from pipeline.webots.project import Project, needed_modules, robot_world, write_project
 from pipeline.webots.result import WebotsSettings
 from pipeline.webots.scene_model import read_scene
 from pipeline.webots.stand_in.mujoco_engine import mujoco_scene
@@ -176,7 +176,7 @@ def test_the_project_names_no_file_outside(project: Project):
 
 
 def test_only_stated_timesteps_are_offered(robot: Robot):
-    with pytest.raises(TimestepError, match=r"a basicTimeStep of 32 ms is not offered; choose 1 or 5 ms"):
+    with pytest.raises(PipelineError, match=r"a basicTimeStep of 32 ms is not offered; choose 1 or 5 ms"):
         robot_world(robot, timestep_ms=32.0)
 
 

@@ -12,8 +12,8 @@ from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.mdp.observations import HISTORY
 
 LESS_PROBABLE = 20.0
-"""A mirror image less probable than its original by more than this [nat] is not learned from: the policy would never act
-so there, and beyond 88 nat its ratio overflows."""
+"""A mirror image less probable than its original by more than this [nat] is not learned from: the policy would never
+act so there, and beyond 88 nat its ratio overflows."""
 NO_WEIGHT = 1e3
 """Logarithm of an old probability at which the ratio, and with it the gradient, is 0."""
 

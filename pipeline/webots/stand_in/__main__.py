@@ -1,7 +1,5 @@
 """`python -m pipeline.webots.stand_in --engine mujoco [webots' flags] world.wbt`: takes and ignores Webots' flags."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A scene in MuJoCo, with soft convex contacts; it is always available."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco
@@ -34,14 +32,6 @@ def start_poses(scene: SceneModel) -> tuple[Float[np.ndarray, "b 3"], Float[np.n
             pos.append(pos[body.parent] + rotation.rotate(quat[body.parent], body.pos))
             quat.append(rotation.multiply(quat[body.parent], body.quat))
     return np.array(pos), np.array(quat)
-
-
-GEOMS = {
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
-}
 
 
 class MujocoEngine:
@@ -116,7 +106,7 @@ def _add_body(parent: mujoco.MjsBody, body: Body, scene: SceneModel) -> mujoco.M
     for shape in body.shapes:
         bits = 1 if scene.self_collision else 0
         made.add_geom(
-            type=GEOMS[shape.kind],
+            type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"),
             size=_size(shape),
             pos=shape.pos,
             quat=shape.quat,

@@ -4,8 +4,6 @@ Contacts as in Webots: friction pyramid (ContactApprox1), softERP and softCFM of
 `World.step` is used, since the robot falls with `quickStep`.
 """
 
-from __future__ import annotations
-
 import importlib.machinery
 import importlib.util
 import os

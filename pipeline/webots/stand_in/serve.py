@@ -1,7 +1,5 @@
 """Simulate a world in an engine while its controller, a separate process as in Webots, commands the torques."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -4,8 +4,6 @@ JSON lines are exchanged over a socket whose file descriptor is in the environme
 after the first step that follows `enable`, and torques are limited to a motor's maximum.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -15,7 +13,7 @@ SOCKET_VARIABLE = "BOOSTER_LAB_STAND_IN"
 
 
 class Motor:
-    def __init__(self, robot: Robot, name: str, max_torque: float):
+    def __init__(self, robot: "Robot", name: str, max_torque: float):
         self._robot, self._name, self._max_torque = robot, name, max_torque
 
     def setTorque(self, torque: float) -> None:
@@ -25,7 +23,7 @@ class Motor:
 class Sensor:
     """A position sensor, gyro, accelerometer or inertial unit."""
 
-    def __init__(self, robot: Robot, name: str):
+    def __init__(self, robot: "Robot", name: str):
         self._robot, self._name = robot, name
 
     def enable(self, samplingPeriod: int) -> None:
@@ -50,7 +48,7 @@ class Sensor:
 class Node:
     """The robot's node, for a supervisor."""
 
-    def __init__(self, robot: Robot):
+    def __init__(self, robot: "Robot"):
         self._robot = robot
 
     def getPosition(self) -> list[float]:
