@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.physics import PHYSICS_S
 from pipeline.simulation.plant import Push
 from pipeline.tracking.settings import DisturbanceSettings
-from pipeline.tracking.task import PHYSICS_S
 
 
 @dataclass(frozen=True, kw_only=True)

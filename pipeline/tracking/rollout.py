@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
-from pipeline.physics import GRAVITY
+from pipeline.physics import GRAVITY, PHYSICS_S
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, simulated_model
 from pipeline.simulation.terrain import FlatGround
@@ -16,7 +16,7 @@ from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.tracking.disturbance import NONE, Disturbance
 from pipeline.tracking.reference import key_link_index, observe, reference_states
 from pipeline.tracking.settings import FailureSettings
-from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION, PHYSICS_S
+from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION
 from pipeline.tracking.tracker import Tracker
 
 CONTACT_SHARE = 0.1

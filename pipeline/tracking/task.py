@@ -3,9 +3,6 @@
 CONTROL_HZ = 50.0
 """Rate of the tracker, and of the clips it tracks [Hz]."""
 
-PHYSICS_S = 0.005
-"""Physics step [s]."""
-
 DECIMATION = 4
 """Physics steps a control step."""
 
