@@ -10,10 +10,11 @@ import io
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from pipeline.batch import Entry, Judged, Manifest, Store
+from pipeline.batch import Entry, Manifest, Store
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip
@@ -96,12 +97,7 @@ def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int =
 
 
 class _Drawing:
-    """Triangles and texts gathered from the top down; `low` is the lower end so far [m].
-
-    Args:
-        width: of the picture [m]
-        dots_per_m: its scale
-    """
+    """Triangles and texts from the top down, `width` [m] wide at `dots_per_m`; `low` is the lower end so far [m]."""
 
     def __init__(self, width: float, dots_per_m: float) -> None:
         self.width, self.dots_per_m = width, dots_per_m
@@ -162,10 +158,7 @@ class _Drawing:
 
 
 def entry_clip(store: Store, entry: Entry) -> Clip:
-    """The clip, cut to its window if it is a selected window of a human motion.
-
-    KP1 keeps the whole recording with each window (`start_frame`, `stop_frame`); from KP2 on the clip is the window.
-    """
+    """The clip, cut to its window if KP1 kept the whole recording with it (`start_frame`, `stop_frame`)."""
     clip = store.get_clip(entry.blob, entry.clip)
     start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")
     if not isinstance(clip, HumanClip) or start is None or stop is None or stop - start >= clip.frame_count:
@@ -178,23 +171,22 @@ LEAST_LOST_S = 0.1
 
 
 def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
-    """PNG of the clips that lost the most seconds in a stage, as they were before it, with the first reason.
+    """PNG of the `most` clips that lost the most seconds in a stage, as they were in `previous`, with the first reason.
 
     One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
-
-    Args:
-        stage: manifest of the stage
-        previous: the stage before it, which has the clips
-        robot: the one that robot clips are for
-        most: clips in the picture
     """
-    entries = {entry.clip: entry for entry in previous.entries}
-    families: dict[str, Judged] = {}
-    for row in sorted(stage.judged, key=lambda row: (-_lost_s(row), row.clip)):
-        if _lost_s(row) > LEAST_LOST_S and row.clip in entries:
-            families.setdefault(row.clip.split("~")[0], row)
+    there = {clip for shard in previous.entry_shards for clip in shard.columns(["clip"])["clip"]}
+    found = stage.findings("clip", "seconds_in", "seconds_out")
+    lost = [(_number(before) - _number(after), clip) for clip, before, after in found]
+    families: dict[str, str] = {}
+    for seconds, clip in sorted(lost, key=lambda each: (-each[0], each[1])):
+        if seconds > LEAST_LOST_S and clip in there:
+            families.setdefault(clip.split("~")[0], clip)
+    shown = list(families.values())[:most]
+    entries = {entry.clip: entry for entry in previous.entries if entry.clip in shown} if shown else {}
+    rows = {row.clip: row for row in stage.judged if row.clip in shown} if shown else {}
     strips = []
-    for row in list(families.values())[:most]:
+    for row in (rows[clip] for clip in shown):
         clip = entry_clip(store, entries[row.clip])
         why = next((reason["text"] for reason in row.reasons if reason["effect"] == "rejected"), "")
         strips.append(
@@ -208,8 +200,8 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
     return worst_clips_sheet(strips, robot)
 
 
-def _lost_s(row: Judged) -> float:
-    return float(row.numbers.get("seconds_in") or 0.0) - float(row.numbers.get("seconds_out") or 0.0)
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, (int, float)) else 0.0
 
 
 GIF_COLOURS = 32
