@@ -4,12 +4,11 @@ import dataclasses
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.approved import approval_metadata, approved_key, approved_part
 from assets.plan import ROBOT, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, picture, result_of, table_of
 from pipeline.actuators.adapted_robot import adapt, torque_envelope, write_adapted_robot
 from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.folder import calibrate_folder, read_published
@@ -24,6 +23,7 @@ from pipeline.robot_check.agreement import models_agree
 
 CALIBRATED = "every_motor_calibrated"
 AGREE = "adapted_models_agree"
+MODELS_AGREE = "MJCF and URDF compile and have the same mass and joints."
 STANDS = "adapted_robot_stands"
 MAX_TILT_DEG = 1.0
 """Largest tilt of the adapted robot in its standing pose over 10 s."""
@@ -34,10 +34,10 @@ def measurements_key(robot: str) -> dg.AssetKey:
     return Plan("actuator_measurements", ROBOT, (), robot=robot).key
 
 
-def measurements_version(project: Project, robot: str) -> str:
-    """Digest of a robot's measurement files; that of no files where it has no folder."""
-    folder = project.actuators(robot)
-    return digest.of_files(sorted(folder.glob("*.csv")), folder)
+def measurements_version(project: Project, robot: str) -> tuple[str, dict[str, Any]]:
+    """Digest of a robot's measurement files, and their number; those of no files where it has no folder."""
+    files = sorted(project.actuators(robot).glob("*.csv"))
+    return digest.of_files(files, project.actuators(robot)), {"files": len(files)}
 
 
 def actuator_measurements(robot: str) -> dg.AssetSpec:
@@ -52,19 +52,16 @@ def actuator_measurements(robot: str) -> dg.AssetSpec:
 
 def actuator_calibration(plan: Plan) -> Any:
     """The asset `actuator_calibration` of a robot."""
-    spec = dg.AssetCheckSpec(
-        CALIBRATED, asset=plan.key, description="Each motor of the table has a knee that was not refused."
-    )
+    checks = {CALIBRATED: "Each motor of the table has a knee that was not refused."}
 
-    @dg.asset(**declared(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)]), check_specs=[spec])
-    @plain_errors
+    @asset_of(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)], checks=checks)
     def actuator_calibration(context: dg.AssetExecutionContext):
         """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
         found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
         context.log.info(f"{len(found.motors)} motors, calibrated again: {', '.join(found.recomputed) or 'none'}")
-        by_motor = {each.motor: each.to_dict() for each in found.calibrations}
+        by_motor = {each.motor: settings.plain(each) for each in found.calibrations}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings=by_motor, recomputed=len(found.recomputed))
         refused = [f"{each.motor} {each.verdict}" for each in found.calibrations if not each.accepted]
         check = check_result(plan, CALIBRATED, not refused, "; ".join(refused) or f"{len(found.calibrations)} motors")
@@ -80,7 +77,6 @@ def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
     curves = read_published(folder)
     models = {motor.name: motor.model for motor in found.motors}
     published = {name: curves[model] for name, model in models.items() if model in curves}
-    table = pd.DataFrame([_row(each, published.get(each.motor)) for each in found.calibrations])
     metadata: dict[str, Any] = {
         "motors": len(found.motors),
         "motors refused": sum(not each.accepted for each in found.calibrations),
@@ -88,7 +84,7 @@ def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
         "files of no motor": ", ".join(found.unused) or "none",
     }
     if found.calibrations:
-        metadata["calibration"] = table_of(table, list(table))
+        metadata["calibration"] = table_of([_row(each, published.get(each.motor)) for each in found.calibrations])
         metadata["curves"] = picture(calibration_curves(found.calibrations, published))
     return metadata
 
@@ -117,20 +113,15 @@ def _with_interval(interval: Any) -> str:
 
 def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
     """The asset `adapted_robot` of a robot."""
-    inputs = {"actuator_calibration": dg.AssetIn(calibration.key), "robot_model": dg.AssetIn(model.key)}
-    specs = [
-        dg.AssetCheckSpec(
-            AGREE, asset=plan.key, blocking=True, description="MJCF and URDF compile and have the same mass and joints."
-        ),
-        dg.AssetCheckSpec(
-            STANDS,
-            asset=plan.key,
-            description=f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree.",
-        ),
-    ]
 
-    @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[approved_key("motors", plan.robot)]), check_specs=specs)
-    @plain_errors
+    @asset_of(
+        plan,
+        "mujoco",
+        inputs={"actuator_calibration": calibration, "robot_model": model},
+        deps=[approved_key("motors", plan.robot)],
+        checks={STANDS: f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree."},
+        blocking={AGREE: MODELS_AGREE},
+    )
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
         name = plan.robot or DEFAULT_ROBOT
@@ -146,8 +137,7 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
         files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
         facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
-        facts |= {"feedback": [change.to_dict() for change in feedback]} if feedback else {}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
+        facts |= {"feedback": settings.plain(feedback)} if feedback else {}
         check = check_result(plan, AGREE, *models_agree(robot), warn=False)
         metadata, standing = _standing(plan, robot, actuators)
         metadata |= {
@@ -155,7 +145,7 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
             **approval_metadata(feedback),
             "dagster/uri": dg.MetadataValue.path(str(folder)),
         }
-        return result_of(plan, manifest, metadata, [check, standing])
+        return result_of(plan, {robot.digest: facts}, metadata, [check, standing])
 
     return adapted_robot
 
@@ -172,35 +162,20 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
         "armature of the manufacturer's MJCF": pose.vendor_armature,
     }
     stood = {name: stand(robot, pose, torque_envelope(actuators), each) for name, each in armatures.items()}
-    rows = pd.DataFrame([{"model": name, **dataclasses.asdict(each)} for name, each in stood.items()])
+    rows = [{"model": name, **dataclasses.asdict(each)} for name, each in stood.items()]
     ours = stood["adapted"]
     found = f"{'fell after' if ours.fell else 'stood'} {ours.seconds:.1f} s, tilt {ours.tilt_deg:.2f}"
     check = check_result(plan, STANDS, not ours.fell and ours.tilt_deg < MAX_TILT_DEG, found)
-    return {"standing": table_of(rows, list(rows))}, check
+    return {"standing": table_of(rows)}, check
 
 
 def _difference(actuators: Any) -> dict[str, Any]:
     from pipeline.actuators.adapted_robot import motors_source
 
-    table = pd.DataFrame([vars(each) for each in actuators])
-    columns = {
-        "joint": "joint",
-        "verdict": "verdict",
-        "nominal torque": "nominal_torque",
-        "adapted torque": "box_effort_limit",
-        "nominal speed": "nominal_speed",
-        "adapted speed": "box_velocity_limit",
-        "nominal armature": "nominal_armature",
-        "adapted armature": "armature",
-        "no-load speed": "dc_motor_no_load_speed",
-        "saturation torque": "dc_motor_saturation_effort",
-    }
-    shown = pd.DataFrame({name: list(table[source]) for name, source in columns.items()})
     changed = [each.joint for each in actuators if each.changed]
     return {
         "motor limits": motors_source(actuators),
-        "nominal against adapted": table_of(shown, list(shown)),
-        "actuators": table_of(table, list(table)),
+        "actuators": table_of([vars(each) for each in actuators]),
         "joints changed": ", ".join(changed) or "none",
         "verdict": "; ".join(sorted({each.verdict for each in actuators})),
     }

@@ -10,7 +10,7 @@ import dagster as dg
 from assets.approved import approved_key, approved_part
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import as_failure, declared, result_of
+from assets.report import asset_of, result_of
 from assets.resources import store_left_to_others
 from assets.tracker_choice import tracker_file
 from assets.training_process import (
@@ -23,7 +23,6 @@ from assets.training_process import (
     train,
     validation_of,
 )
-from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
@@ -36,12 +35,11 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     plans = robot_plans(plan.robot or DEFAULT_ROBOT)
     deps += [plans[name].key for name in TRACKED]
 
-    @dg.asset(**declared(plan, "pytorch", deps=deps), output_required=False)
+    @asset_of(plan, "pytorch", deps=deps, output_required=False)
     def amp_policy(context: dg.AssetExecutionContext, config: TrainingConfig) -> Iterator[dg.MaterializeResult]:
         """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
         if asked_for(context, plan):
-            with as_failure():
-                yield _trained(plan, config, context.log)
+            yield _trained(plan, config, context.log)
 
     return amp_policy
 
@@ -54,9 +52,8 @@ def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResu
     run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
     train_beside_others(run, PROJECT, robot, log)
     facts = run_facts(run, robot) | {"stage": plan.name, "policy": "policy.npz"}
-    manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
     metadata = {**curves_of(run.folder), **validation_of(run.folder), **_metadata(run, facts, about)}
-    return result_of(plan, manifest, metadata)
+    return result_of(plan, {run.folder.name: facts}, metadata)
 
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}

@@ -6,7 +6,6 @@ parts are empty, and nothing of the hardware's is read. A part of that file that
 own, so that the asset that uses it is stale and fails with that reason; nothing else does.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,11 +13,10 @@ import dagster as dg
 
 from assets.plan import group_of
 from assets.project import DEFAULT_ROBOT, Project
-from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
-from pipeline.feedback.approved import Approvals, lineage, part_of, part_version
+from pipeline.feedback.approved import Approvals, part_of, part_version
 from pipeline.feedback.change import Change
-from pipeline.files import digest
+from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
 
 PROPOSAL = dg.AssetKey(["curation_feedback"])
@@ -72,22 +70,12 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
     ]
 
 
-def approvals_of(project: Project) -> Approvals:
-    """All approved changes, compared with the rules; what can't be used is reported and raises nothing."""
-    return project.feedback.approvals()
-
-
 def approved_part(project: Project, section: str, robot: str | None) -> tuple[Change, ...]:
     """The approved changes of a section for a robot. Raises PipelineError where they can't be used."""
-    approvals = approvals_of(project)
+    approvals = project.feedback.approvals()
     if section in approvals.faults:
         raise approvals.faults[section]
     return part_of(approvals.changes, section, None if section in SHARED_PARTS else robot)
-
-
-def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest:
-    """The manifest, and in it the changes that took effect with the logs that they rest on; as it is without any."""
-    return dataclasses.replace(manifest, settings={**manifest.settings, **lineage(part, section)})
 
 
 def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:
@@ -97,7 +85,7 @@ def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:
 
 def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str, Any]]]:
     """Version of each part, and what is noted of it in the history."""
-    approvals = approvals_of(project)
+    approvals = project.feedback.approvals()
     found = {}
     for section in PARTS:
         for robot in (None,) if section in SHARED_PARTS else project.robots:
@@ -111,8 +99,7 @@ def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str
 def shown_state(approvals: Approvals, declined: Sequence[Change] = ()) -> str:
     """Digest of what the page of curation_feedback shows of a person's answers."""
     faults = {section: str(fault) for section, fault in approvals.faults.items()}
-    answers = [[change.to_dict() for change in each] for each in (approvals.changes, declined)]
-    return digest.of_json([*answers, faults])[:16]
+    return digest.of_json([settings.plain(approvals.changes), settings.plain(declined), faults])[:16]
 
 
 def _facts(part: Sequence[Change], fault: PipelineError | None) -> dict[str, Any]:

@@ -13,9 +13,9 @@ import pandas as pd
 from assets.checks import check_specs
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, stage_metadata, table_of
+from assets.report import asset_of, picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from assets.stage import materialized, stage_of
 from assets.tracker_choice import no_tracker, tracker_file
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Entry, Manifest, run_stage
@@ -24,7 +24,7 @@ from pipeline.files import settings
 from pipeline.robot import load_robot
 from pipeline.tracking.before_after import by_skill
 from pipeline.tracking.neighbours import compared_with_neighbours
-from pipeline.tracking.process import motion_to_failure, process
+from pipeline.tracking.process import Setup, motion_to_failure, process
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker import load_tracker
 
@@ -38,10 +38,9 @@ BEFORE_AND_AFTER = (
 
 def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan) -> Any:
     """The asset `augmented_motions` of a robot."""
-    inputs = inputs_of(reference_motions=references, tracking_policy=policy, adapted_robot=adapted)
+    inputs = {"reference_motions": references, "tracking_policy": policy, "adapted_robot": adapted}
 
-    @dg.asset(**declared_motions(plan, "mujoco", "4", inputs), check_specs=check_specs(plan))
-    @plain_errors
+    @asset_of(plan, "mujoco", "4", inputs=inputs, specs=check_specs(plan))
     def augmented_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -62,12 +61,12 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
             empty = Manifest(stage=plan.name, entries=(), judged=(), settings=reference_motions.settings)
             return materialized(plan, empty, {"references tracked": f"0: {why}"})
         tracker, content = found
+        setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=tracker)
         load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
 
         def run(function: Callable[..., Outcome], name: str = "", entries: Sequence[Entry] = ()) -> Manifest:
             """The stage `function` on references; what it was asked before is in the store."""
-            work = partial(function, settings=values, robot=robot, envelope=envelope, tracker=tracker)
-            stage = stage_of(plan, work, values, name=name, robot_files=robot.digest)
+            stage = stage_of(plan, partial(function, setup=setup), values, name=name, robot_files=robot.digest)
             stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
             return run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
 
@@ -103,7 +102,7 @@ def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]
         "mean joint error [deg]": math.degrees(fmean(row["joint_error_rad"] for row in rows)),
         "disturbed rollouts": f"{complete} of {asked} to the last frame",
         "references, the worst first": table_of(worst, columns),
-        "speed of references and rollouts": table_of(speeds, list(speeds.columns)),
+        "speed of references and rollouts": table_of(speeds),
         "before and after, each reference": table_of(worst, ["clip", *BEFORE_AND_AFTER]),
     }
 

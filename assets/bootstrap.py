@@ -13,7 +13,7 @@ import dagster as dg
 
 from assets.actuators import measurements_key, measurements_version
 from assets.approved import approved_versions
-from assets.freshness import last_tags, stale_reasons, topological
+from assets.freshness import last_tags, stale_reasons
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import SHARED, Plan, plans, robot_plans
 from assets.project import DEFAULT_ROBOT, Project
@@ -39,15 +39,12 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
     versions: dict[dg.AssetKey, str] = {}
     try:
         found[RAW_MOTIONS] = motions_version(project)
-        note_sources(instance, [source.name for source in project.sources().all])
     except PipelineError:
         noted = _noted(instance, RAW_MOTIONS)
         versions |= {RAW_MOTIONS: noted} if noted else {}
     else:
         note_sources(instance, [source.name for source in project.sources().all])
-    for robot in project.robots:
-        files = {"files": len(list(project.actuators(robot).glob("*.csv")))}
-        found[measurements_key(robot)] = measurements_version(project, robot), files
+    found |= {measurements_key(robot): measurements_version(project, robot) for robot in project.robots}
     for key, (version, facts) in {**found, **approved_versions(project)}.items():
         versions[key] = version
         if _noted(instance, key) != version:  # Dagster compares an external asset's versions with materializations
@@ -79,9 +76,12 @@ def _graph() -> dg.Definitions:
     return _GRAPH[0]
 
 
-def stale_now(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
-    """Every stale asset and why, upstream first; files from outside are read again."""
-    return stale_reasons(instance, project, plans(project), _parents(), note_external(instance, project))
+def stale_now(
+    instance: dg.DagsterInstance, project: Project, forced: Mapping[dg.AssetKey, str] | None = None
+) -> dict[dg.AssetKey, str]:
+    """Every stale asset and why, upstream first; files from outside are read again. `forced` are stale whatever is."""
+    external = note_external(instance, project)
+    return stale_reasons(instance, project, plans(project), _parents(), external, forced or {})
 
 
 def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger | None):
@@ -102,9 +102,11 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     every_stale = stale_now(instance, project)
     if motions and SHARED[0].key not in every_stale:
         remember_sources(project, motions)
+    trackers = trackers_for(selected, run.run_config, wanted & set(every_stale), project)
+    if set(trackers) - set(every_stale):
+        why = "the policy needs a tracker that was trained on these references"
+        every_stale = stale_now(instance, project, dict.fromkeys(trackers, why))
     stale = {key: why for key, why in every_stale.items() if key in wanted}
-    trackers = trackers_for(selected, run.run_config, stale, project)
-    stale |= _after_trackers(set(trackers) - set(stale), parents, wanted)
     if not stale:
         return
     if log:
@@ -121,12 +123,9 @@ def work_again(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Projec
     """
     databases = {robot: robot_plans(robot)["expert_db"].key for robot in project.robots}
     there = {key for robot, key in databases.items() if robot == DEFAULT_ROBOT or last_tags(instance, key) is not None}
-    parents = made_for(_parents(), plans(project))
-    needed = upstream(there, parents)
-    stages = {SHARED[0].key}
-    for key in topological({key: parents.get(key, set()) & needed for key in needed}):
-        if parents.get(key, set()) & stages:
-            stages.add(key)
+    between = dg.AssetSelection.assets(SHARED[0].key).downstream() & dg.AssetSelection.assets(*there).upstream()
+    stages = between.resolve(_graph().resolve_asset_graph())
+    needed = upstream(there, made_for(_parents(), plans(project)))
     stale = [key for key in stale_now(instance, project) if key in needed - stages]
     _materialize(instance, run, [*stale, *sorted(stages)], log, "not all stages could be materialized")
 
@@ -156,18 +155,6 @@ def _materialize(
     if not result.success:
         failed = [f"'{event.step_key}': {cause(event)}" for event in result.all_events if event.is_step_failure]
         raise dg.Failure(f"{failure} (run {result.run_id}). {'; '.join(failed)}", allow_retries=False)
-
-
-def _after_trackers(
-    trackers: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]], wanted: set[dg.AssetKey]
-) -> dict[dg.AssetKey, str]:
-    """Trackers that are up to date but were trained on other clips, and what of the wanted assets is made with them."""
-    found = dict.fromkeys(sorted(trackers), "the policy needs a tracker that was trained on these references")
-    for key in topological({key: parents.get(key, set()) & wanted for key in wanted}):
-        new = sorted(parents.get(key, set()) & set(found))
-        if key not in found and new:
-            found[key] = f"'{new[0].to_user_string()}' is trained first"
-    return found
 
 
 def _progress(log: logging.Logger, stages: int) -> dg.HookDefinition:

@@ -1,7 +1,9 @@
-"""Asset checks of the stages. Blocking where the data would be wrong, a warning where it would be poor."""
+"""Asset checks of the stages. Blocking where the data would be wrong, a warning where it would be poor.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+A check is a function of a stage's manifest: whether it holds, and what was found. It is named by its function.
+"""
+
+from inspect import getdoc
 
 import dagster as dg
 
@@ -13,46 +15,15 @@ from pipeline.batch.shard import MISSING
 Verdict = tuple[bool, str]
 
 
-@dataclass(frozen=True, kw_only=True)
-class StageCheck:
-    """A check on a stage's manifest."""
-
-    name: str
-    says: str
-    look: Callable[[Manifest], Verdict]
-    """Whether it holds, and what was found."""
-    blocking: bool
-
-
-def check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
-    """The checks that an asset declares."""
-    return [
-        dg.AssetCheckSpec(check.name, asset=plan.key, blocking=check.blocking, description=check.says)
-        for check in checks_of(plan)
-    ]
-
-
-def checks_of(plan: Plan) -> tuple["StageCheck", ...]:
-    """The checks of an asset; frames must be whole from KP2 on, before it samples may be missing."""
-    return STAGE_CHECKS if plan.name in ("motion_catalog", "selected_motions") else (*STAGE_CHECKS, SOUND_FRAMES)
-
-
-def evaluate(plan: Plan, manifest: Manifest) -> list[dg.AssetCheckResult]:
-    """The results of the checks on an asset's manifest."""
-    results = []
-    for check in checks_of(plan):
-        passed, found = check.look(manifest)
-        results.append(check_result(plan, check.name, passed, found, warn=not check.blocking))
-    return results
-
-
-def _accounted(manifest: Manifest) -> Verdict:
+def every_clip_accounted_for(manifest: Manifest) -> Verdict:
+    """Counts conserve: a clip that came in went on or has a reason."""
     rows = manifest.findings("clip", "pieces", "reasons")
     silent = [clip for clip, pieces, reasons in rows if not pieces and not reasons]
     return not silent, f"without a reason: {', '.join(silent)}" if silent else f"{len(manifest.judged)} clips"
 
 
-def _finite(manifest: Manifest) -> Verdict:
+def finite_numbers(manifest: Manifest) -> Verdict:
+    """All numbers of the clips that go on are finite, and each clip has a length."""
     try:
         shards = manifest.entry_shards
     except ValueError as error:  # a shard takes no other numbers
@@ -65,47 +36,44 @@ def _finite(manifest: Manifest) -> Verdict:
     return not bad, ", ".join(bad) if bad else f"{len(manifest.entries)} clips"
 
 
-def _left(manifest: Manifest) -> Verdict:
+def something_left(manifest: Manifest) -> Verdict:
+    """At least one clip goes on."""
     return bool(manifest.entries), f"{len(manifest.entries)} clips go on"
 
 
-def _no_fault(manifest: Manifest) -> Verdict:
+def no_stage_fault(manifest: Manifest) -> Verdict:
+    """No clip was lost to a fault of the stage itself (an unexpected error)."""
     found = manifest.findings("clip", "reasons")
     failed = [clip for clip, reasons in found for reason in reasons if reason["code"] == "failed"]
     return not failed, ", ".join(failed) or "none"
 
 
-def _sound(manifest: Manifest) -> Verdict:
+def sound_frames(manifest: Manifest) -> Verdict:
+    """Every stored frame is finite, every quaternion unit; contacts of human clips are labelled."""
     there = {entry.clip for entry in manifest.entries} if manifest.unsound else set()
     faults = [f"{clip}: {fault}" for clip, fault in manifest.unsound if clip in there]
     return not faults, "; ".join(faults[:20]) if faults else f"{len(manifest.entries)} clips"
 
 
-STAGE_CHECKS = (
-    StageCheck(
-        name="every_clip_accounted_for",
-        says="Counts conserve: a clip that came in went on or has a reason.",
-        look=_accounted,
-        blocking=True,
-    ),
-    StageCheck(
-        name="finite_numbers",
-        says="All numbers of the clips that go on are finite, and each clip has a length.",
-        look=_finite,
-        blocking=True,
-    ),
-    StageCheck(name="something_left", says="At least one clip goes on.", look=_left, blocking=False),
-    StageCheck(
-        name="no_stage_fault",
-        says="No clip was lost to a fault of the stage itself (an unexpected error).",
-        look=_no_fault,
-        blocking=False,
-    ),
-)
+WARNING = (something_left, no_stage_fault)
+OF_EVERY_STAGE = (every_clip_accounted_for, finite_numbers, *WARNING)
+BEFORE_REPAIR = ("motion_catalog", "selected_motions")
+"""Stages whose clips may lack samples."""
 
-SOUND_FRAMES = StageCheck(
-    name="sound_frames",
-    says="Every stored frame is finite, every quaternion unit; contacts of human clips are labelled.",
-    look=_sound,
-    blocking=True,
-)
+
+def checks_of(plan: Plan):
+    """The checks of an asset; frames must be whole from KP2 on."""
+    return OF_EVERY_STAGE if plan.name in BEFORE_REPAIR else (*OF_EVERY_STAGE, sound_frames)
+
+
+def check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
+    """The checks that an asset declares."""
+    return [
+        dg.AssetCheckSpec(check.__name__, asset=plan.key, blocking=check not in WARNING, description=getdoc(check))
+        for check in checks_of(plan)
+    ]
+
+
+def evaluate(plan: Plan, manifest: Manifest) -> list[dg.AssetCheckResult]:
+    """The results of the checks on an asset's manifest."""
+    return [check_result(plan, each.__name__, *each(manifest), warn=each in WARNING) for each in checks_of(plan)]

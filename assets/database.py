@@ -10,7 +10,7 @@ from assets.bootstrap import stale_now
 from assets.database_checks import judge_database, last_verdicts, realizability_check
 from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import curator_link, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, curator_link, picture, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.dataset_export import export_database
 from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database
@@ -101,13 +101,13 @@ def dataset_exports(robot: str) -> list[Any]:
 
 
 def _export(plan: Plan, kind: str, database: Plan) -> Any:
-    @dg.asset(
-        **declared(plan, kind, deps=[database.key]),
+    @asset_of(
+        plan,
+        kind,
+        deps=[database.key],
         description=f"The expert database as `booster-lab export --format {kind}` writes it, with its dataset card.",
     )
-    @plain_errors
     def dataset_export(context: dg.AssetExecutionContext):
-
         robot = plan.robot or DEFAULT_ROBOT
         folder = PROJECT.exports(robot, kind)
         written: list[int] = []
@@ -130,13 +130,12 @@ def _export(plan: Plan, kind: str, database: Plan) -> Any:
             "files": files,
         }
         context.log.info(f"{written[0]} clips in {folder}")
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={EXPORT: facts})
         metadata = {
             "clips": written[0],
             "files": len(files),
             "size [MB]": sum((folder / name).stat().st_size for name in files) / 1e6,
             "dagster/uri": dg.MetadataValue.path(str(folder)),
         }
-        return result_of(plan, manifest, metadata, [])
+        return result_of(plan, {EXPORT: facts}, metadata)
 
     return dataset_export

@@ -13,7 +13,6 @@ import dagster as dg
 import pandas as pd
 from dagster._core.storage.asset_check_execution_record import AssetCheckExecutionRecordStatus
 
-from assets.motions import short_of_wanted
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, table_of
@@ -24,9 +23,10 @@ from pipeline.errors import FileError
 from pipeline.expert import DatabaseError, check_database
 from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_against_rollouts
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
+from pipeline.feedback.windows import short_of_wanted
 from pipeline.files import settings
 from pipeline.robot import load_robot
-from pipeline.tracking.process import disturbed_motion
+from pipeline.tracking.process import Setup, disturbed_motion
 from pipeline.tracking.settings import TrackingSettings
 
 REALIZABLE = "realizability"
@@ -59,18 +59,12 @@ def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, s
     tracker, content = found
     values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
     other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed)
-    function = partial(
-        disturbed_motion,
-        settings=other,
-        robot=robot,
-        envelope=torque_envelope(read_actuators(folder)),
-        tracker=tracker,
-        longest_s=SECONDS,
-    )
+    envelope = torque_envelope(read_actuators(folder))
+    setup = Setup(settings=other, robot=robot, envelope=envelope, tracker=tracker)
     stage = Stage(
         name=REALIZABLE,
         version=plans["augmented_motions"].code_version(),
-        function=function,
+        function=partial(disturbed_motion, setup=setup, longest_s=SECONDS),
         settings={**settings.plain(other), "longest_s": SECONDS},
         depends={"robot_files": robot.digest, "tracker": content},
     )
@@ -83,32 +77,13 @@ COMMANDS = "command_coverage"
 MIN_SKILL_SECONDS = 4.0
 
 
-def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
-    """The checks that the database declares."""
-    return [
-        dg.AssetCheckSpec(
-            WHOLE,
-            asset=plan.key,
-            blocking=True,
-            description="It has clips; every file has its digest; frames finite, quaternions unit, weights positive.",
-        ),
-        dg.AssetCheckSpec(
-            COVERED,
-            asset=plan.key,
-            description=f"Each of the ten skills has at least {MIN_SKILL_SECONDS:g} s before mirroring.",
-        ),
-        dg.AssetCheckSpec(
-            COMMANDS,
-            asset=plan.key,
-            description="The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
-        ),
-        dg.AssetCheckSpec(
-            REALIZABLE,
-            asset=plan.key,
-            description=f"A classifier tells windows of the database from rollouts under other seeds in at most "
-            f"{100 * WARN_ABOVE:.0f} of 100 held-out windows; 50 is chance.",
-        ),
-    ]
+BLOCKING = {WHOLE: "It has clips; every file has its digest; frames finite, quaternions unit, weights positive."}
+CHECKS = {
+    COVERED: f"Each of the ten skills has at least {MIN_SKILL_SECONDS:g} s before mirroring.",
+    COMMANDS: "The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
+    REALIZABLE: f"A classifier tells windows of the database from rollouts under other seeds in at most "
+    f"{100 * WARN_ABOVE:.0f} of 100 held-out windows; 50 is chance.",
+}
 
 
 def judge_database(plan: Plan, *, frames: bool = True) -> Iterator[dg.AssetCheckResult]:
@@ -134,9 +109,9 @@ def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetChec
     Evaluated again where one never was.
     """
     evaluations = []
-    for spec in database_check_specs(plan):
+    for name in (*BLOCKING, *CHECKS):
         records = instance.event_log_storage.get_asset_check_execution_history(
-            spec.key,
+            dg.AssetCheckKey(plan.key, name),
             limit=1,
             status={AssetCheckExecutionRecordStatus.SUCCEEDED, AssetCheckExecutionRecordStatus.FAILED},
         )
@@ -146,7 +121,7 @@ def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetChec
         evaluations.append(
             dg.AssetCheckResult(
                 asset_key=plan.key,
-                check_name=spec.name,
+                check_name=name,
                 passed=evaluation.passed,
                 severity=evaluation.severity,
                 metadata=evaluation.metadata,

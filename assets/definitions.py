@@ -8,7 +8,6 @@ from assets.amp_policy import amp_policy
 from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
 from assets.bootstrap import serve
-from assets.cross_engine import cross_engine_validation
 from assets.database import dataset_exports
 from assets.failure_modes import failure_modes
 from assets.feedback import curation_feedback, sim_to_real_report
@@ -31,46 +30,43 @@ from assets.sensors import (
 )
 from assets.source_jobs import rerun_source
 from assets.sources import raw_motions
-from assets.tracker_choice import job_of
-from assets.tracking_policy import tracker_jobs
-from assets.validation import mujoco_validation
-from assets.webots import webots_validation
+from assets.tracker_choice import ALWAYS, job_of
+from assets.validation import cross_engine_validation, mujoco_validation, webots_validation
 
 
 def policy_assets(robot: str) -> list[Any]:
-    """Training, export, limit cycles and release report of the robot in `robots/<robot>`."""
+    """Training, export, validations and release report of the robot in `robots/<robot>`."""
     plans = robot_plans(robot)
     database, adapted, exported = (plans[name] for name in ("expert_db", "adapted_robot", "exported_policy"))
     known = released(robot)
     trials = known.get("hardware_trials")
+    judged = exported, adapted
     return [
         amp_policy(plans["amp_policy"], database, adapted),
         exported_policy(exported, plans["amp_policy"], plans["robot_model"]),
-        limit_cycles(plans["limit_cycles"], exported, adapted, trials.key if trials else None),
+        mujoco_validation(plans["mujoco_validation"], *judged),
+        cross_engine_validation(plans["cross_engine_validation"], *judged),
+        webots_validation(plans["webots_validation"], *judged),
+        limit_cycles(plans["limit_cycles"], *judged, trials.key if trials else None),
         release_report(plans["release_report"], known),
     ]
 
 
-def training_jobs(robots: tuple[str, ...]) -> list[Any]:
-    """The job `train` of each robot (`train_k1` of another one): started by a person, never by itself."""
+def training_jobs(robot: str) -> list[Any]:
+    """The jobs `train` and `train_tracker` (`train_k1` of another robot): started by a person, never by themselves."""
+    policy, tracker = (robot_plans(robot)[name].key for name in ("amp_policy", "tracking_policy"))
     return [
         dg.define_asset_job(
             job_of("train", robot),
-            selection=dg.AssetSelection.assets(robot_plans(robot)["amp_policy"].key),
+            selection=dg.AssetSelection.assets(policy),
             description="Trains a policy on the expert database, which is brought up to date first.",
-        )
-        for robot in robots
-    ]
-
-
-def validation_assets(robot: str) -> list[Any]:
-    """MuJoCo, cross-engine and Webots validation of the robot in `robots/<robot>`."""
-    plans = robot_plans(robot)
-    judged = plans["exported_policy"], plans["adapted_robot"]
-    return [
-        mujoco_validation(plans["mujoco_validation"], *judged),
-        cross_engine_validation(plans["cross_engine_validation"], *judged),
-        webots_validation(plans["webots_validation"], *judged),
+        ),
+        dg.define_asset_job(
+            job_of("train_tracker", robot),
+            selection=dg.AssetSelection.assets(tracker),
+            config={"ops": {tracker.to_python_identifier(): {"config": {"train": ALWAYS}}}},
+            description="Trains a tracking policy on the references, which are brought up to date first. Needs a GPU.",
+        ),
     ]
 
 
@@ -91,7 +87,6 @@ for _robot in PROJECT.robots:
         *robot_assets(_robot),
         *dataset_exports(_robot),
         *policy_assets(_robot),
-        *validation_assets(_robot),
     ]
 
 defs = serve(
@@ -104,8 +99,7 @@ defs = serve(
             approve_feedback,
             take_back_feedback,
             rerun_source,
-            *training_jobs(PROJECT.robots),
-            *tracker_jobs(PROJECT.robots, {robot: robot_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
+            *(job for robot in PROJECT.robots for job in training_jobs(robot)),
         ],
         sensors=[hardware_log_sensor, approved_feedback_sensor],
         schedules=[nightly_recuration],

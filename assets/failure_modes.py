@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.hardware import trials_of
 from assets.plan import FIELD, TRIALS, Plan, robot_plans
 from assets.project import PROJECT
-from assets.report import as_failure, check_result, declared, plain_errors, result_of, table_of
+from assets.report import as_failure, asset_of, check_result, result_of, table_of
 from pipeline.actuators.adapted_robot import adapt
 from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.settings import ActuatorSettings
@@ -37,16 +36,13 @@ def _calibrations() -> dict[str, Plan]:
     return {robot: robot_plans(robot)["actuator_calibration"] for robot in PROJECT.robots}
 
 
-@dg.asset(
-    **declared(FAILURES, "numpy", deps=[plan.key for plan in _calibrations().values()]),
-    ins={"hardware_trials": dg.AssetIn(TRIALS.key)},
-    check_specs=[
-        dg.AssetCheckSpec(
-            LOOKED, asset=FAILURES.key, description="Every trial is of a robot that is here, and was read."
-        )
-    ],
+@asset_of(
+    FAILURES,
+    "numpy",
+    inputs={"hardware_trials": TRIALS},
+    deps=[plan.key for plan in _calibrations().values()],
+    checks={LOOKED: "Every trial is of a robot that is here, and was read."},
 )
-@plain_errors
 def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
     """Failures of each trial: kind, time, command, evidence, confidence, and whether the policy is the cause."""
     found = {name: _answer(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}
@@ -113,7 +109,7 @@ def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, polic
     if policy is not None:
         twin = twin_of(trial, robot, actuators, load_policy(policy), values, min(ends, default=trial.seconds))
     report = with_cycle_failures(report, twin, values)
-    return {"report": report.to_dict(), "twin": twin.to_dict() if twin else None}
+    return {"report": settings.plain(report), "twin": settings.plain(twin)}
 
 
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
@@ -137,7 +133,6 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
                 }
             )
     noted = [(report, each.removeprefix(f"{NOTED}: ")) for report in reports for each in report.notes if NOTED in each]
-    table = pd.DataFrame(rows, columns=None if rows else ["trial"])
     return {
         "trials": len(reports),
         "trials evaluated again": manifest.recomputed,
@@ -145,7 +140,7 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
         "failures of the policy": sum(each.of_policy for report in reports for each in report.failures),
         **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},
         "dagster/row_count": len(rows),
-        "what went wrong": table_of(table, list(table)),
+        "what went wrong": table_of(rows),
         NOTED: dg.MetadataValue.md(markdown_list(f"{report.trial}: {note}" for report, note in noted)),
     }
 

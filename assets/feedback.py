@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.approval import ensure_token
-from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
+from assets.approved import PAGE_TAG, shown_state
 from assets.failure_modes import reports_of
 from assets.plan import FIELD
 from assets.project import PROJECT
-from assets.report import check_result, curator_link, declared, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, curator_link, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.feasibility import CommandSettings
 from pipeline.feedback.approved import Approvals, entries_of, write_entries
@@ -36,30 +35,23 @@ SHOWN = (
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackPage:
-    """A proposal beside what is approved."""
+    """A proposal beside a person's answers."""
 
     proposal: Proposal
     approvals: Approvals
-    pending: tuple[Change, ...]
-    """What is proposed and not approved."""
-    lingering: tuple[Change, ...]
-    """What is approved and proposed no longer."""
-    declined: tuple[Change, ...] = ()
-    """What is proposed and a person declined."""
+    refused: Sequence[Change] = ()
+    """What a person declined, proposed now or not."""
 
-    @staticmethod
-    def of(proposal: Proposal, approvals: Approvals, declined: Sequence[Change] = ()) -> "FeedbackPage":
-        """Compare a proposal with the answers to it. An approval of a number that is proposed with another value is
-        pending, not lingering."""
-        approved = approvals.changes
-        places = {place_of(each) for each in proposal.changes}
-        return FeedbackPage(
-            proposal=proposal,
-            approvals=approvals,
-            pending=tuple(each for each in proposal.changes if each not in approved and each not in declined),
-            lingering=tuple(each for each in approved if place_of(each) not in places),
-            declined=tuple(each for each in proposal.changes if each in declined and each not in approved),
-        )
+    @property
+    def declined(self) -> list[Change]:
+        """What is proposed and a person declined."""
+        return [each for each in self.proposal.changes if each in self.refused and each not in self.approvals.changes]
+
+    @property
+    def pending(self) -> list[Change]:
+        """What is proposed and not answered; also a number that is approved with another value."""
+        answered = (*self.approvals.changes, *self.declined)
+        return [each for each in self.proposal.changes if each not in answered]
 
     @property
     def nothing_waits(self) -> bool:
@@ -82,12 +74,14 @@ class FeedbackPage:
 
     def metadata(self, digest: str) -> dict[str, Any]:
         """The rows of the page; tables come last."""
-        rows = [self._row(each) for each in self.proposal.changes]
-        table = pd.DataFrame(rows, columns=None if rows else ["part"])
         silent = markdown_list(self.proposal.silent, "nothing")
-        lingering = markdown_list((each.text() for each in self.lingering), "nothing")
+        places = {place_of(each) for each in self.proposal.changes}
+        left = (each.text() for each in self.approvals.changes if place_of(each) not in places)
         faults = {"what is approved can't be used": self._faults()} if self.approvals.faults else {}
-        shown = {"demonstration": f"What is proposed {SHOWN}"} if self._is_shown() else {}
+        changes = self.proposal.changes
+        shown = (
+            {"demonstration": f"What is proposed {SHOWN}"} if changes and all(map(is_demonstration, changes)) else {}
+        )
         return {
             "proposal": digest or "none",
             **curator_link("proposals"),
@@ -98,13 +92,10 @@ class FeedbackPage:
             "changes approved": len(self.approvals.changes),
             "changes declined": len(self.declined),
             "how to approve": dg.MetadataValue.md(_how(digest) if self.pending else "nothing waits"),
-            "approved, proposed no longer": dg.MetadataValue.md(lingering),
+            "approved, proposed no longer": dg.MetadataValue.md(markdown_list(left, "nothing")),
             "proposes nothing": dg.MetadataValue.md(silent),
-            "what is proposed": table_of(table, list(table)),
+            "what is proposed": table_of([self._row(each) for each in self.proposal.changes]),
         }
-
-    def _is_shown(self) -> bool:
-        return bool(self.proposal.changes) and all(is_demonstration(each) for each in self.proposal.changes)
 
     def _row(self, change: Change) -> dict[str, Any]:
         return {
@@ -140,16 +131,12 @@ FAILURES, FEEDBACK, REPORT = FIELD
 NOTHING_PENDING = "nothing_pending"
 
 
-@dg.asset(
-    **declared(FEEDBACK, "python"),
-    ins={"failure_modes": dg.AssetIn(FAILURES.key)},
-    check_specs=[
-        dg.AssetCheckSpec(
-            NOTHING_PENDING, asset=PROPOSAL, description="What the rules propose is what a person approved."
-        )
-    ],
+@asset_of(
+    FEEDBACK,
+    "python",
+    inputs={"failure_modes": FAILURES},
+    checks={NOTHING_PENDING: "What the rules propose is what a person approved."},
 )
-@plain_errors
 def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest):
     """Changes that the failures ask for, by data/feedback_rules.yaml: each bounded, with the logs that it rests on.
 
@@ -164,31 +151,25 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     write_entries(PROJECT.proposed_feedback, entries_of(proposal.changes, found), head="proposed")
     if not rules.approval.required:
         _let_take_effect(proposal.changes, found)
-    manifest = Manifest(
-        stage=FEEDBACK.name,
-        entries=(),
-        judged=(),
-        settings={f"{place:04d}": each.to_dict() for place, each in enumerate(proposal.changes)},
-    )
+    made = {f"{place:04d}": settings.plain(each) for place, each in enumerate(proposal.changes)}
     ensure_token(PROJECT)
-    approvals = approvals_of(PROJECT)
+    approvals = PROJECT.feedback.approvals()
     declined = PROJECT.feedback.declined_changes()
-    page = FeedbackPage.of(proposal, approvals, declined)
+    page = FeedbackPage(proposal=proposal, approvals=approvals, refused=declined)
     check = check_result(FEEDBACK, NOTHING_PENDING, page.nothing_waits, page.sentence())
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
     shown = {PAGE_TAG: shown_state(approvals, declined)}
-    return result_of(FEEDBACK, manifest, page.metadata(found), [check], tags=shown)
+    return result_of(FEEDBACK, made, page.metadata(found), [check], tags=shown)
 
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
-    approved = approvals_of(PROJECT).changes
+    approved = PROJECT.feedback.approvals().changes
     kept = [each for each in changes if not is_demonstration(each) or each in approved]
-    write_entries(PROJECT.approved_feedback, entries_of(kept, proposal, "the rules, which ask for no approval"))
+    write_entries(PROJECT.feedback.approved, entries_of(kept, proposal, "the rules, which ask for no approval"))
 
 
-@dg.asset(**declared(REPORT, "mujoco"), ins={"failure_modes": dg.AssetIn(FAILURES.key)})
-@plain_errors
+@asset_of(REPORT, "mujoco", inputs={"failure_modes": FAILURES})
 def sim_to_real_report(failure_modes: Manifest):
     """Each trial beside MuJoCo with the same policy, gains and command: tracking, and the limit cycles of the legs."""
     rows, notes = [], []
@@ -199,20 +180,13 @@ def sim_to_real_report(failure_modes: Manifest):
             continue
         rows.append(_twin_row(name, twin))
         notes += [f"{name}: {note}" for note in twin["notes"]]
-    table = pd.DataFrame(rows, columns=None if rows else ["trial"])
-    manifest = Manifest(
-        stage=REPORT.name,
-        entries=(),
-        judged=(),
-        settings={row["trial"]: {**row, "trial": row["trial"]} for row in rows},
-    )
     metadata = {
         "trials compared": len(rows),
         "not compared": dg.MetadataValue.md(markdown_list(notes, "nothing")),
         "dagster/row_count": len(rows),
-        "trials against their simulation": table_of(table, list(table)),
+        "trials against their simulation": table_of(rows),
     }
-    return result_of(REPORT, manifest, metadata)
+    return result_of(REPORT, {row["trial"]: row for row in rows}, metadata)
 
 
 def _twin_row(name: str, twin: dict[str, Any]) -> dict[str, Any]:

@@ -28,12 +28,14 @@ def stale_reasons(
     plans: Mapping[dg.AssetKey, Plan],
     parents: Mapping[dg.AssetKey, set[dg.AssetKey]],
     external: Mapping[dg.AssetKey, str],
+    forced: Mapping[dg.AssetKey, str] | None = None,
 ) -> dict[dg.AssetKey, str]:
     """Each stale asset with the reason, upstream before downstream.
 
     Args:
         parents: the assets that each one takes, external ones among them
         external: version of each external asset, as its files are now
+        forced: assets that are stale for another reason
     """
     stale: dict[dg.AssetKey, str] = {}
     versions: dict[dg.AssetKey, str | None] = dict(external)
@@ -43,7 +45,7 @@ def stale_reasons(
         tags, plan = last_tags(instance, key), plans[key]
         versions[key] = (tags or {}).get(DATA_VERSION_TAG)
         inputs = (_why_by_input(tags or {}, plan, parent, stale, versions) for parent in sorted(parents[key]))
-        reason = _why_by_itself(tags, project, plan) or next(filter(None, inputs), "")
+        reason = (forced or {}).get(key) or _why_by_itself(tags, project, plan) or next(filter(None, inputs), "")
         if reason:
             stale[key] = reason
     project.store.note_blobs()

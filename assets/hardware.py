@@ -16,7 +16,7 @@ import pandas as pd
 
 from assets.plan import HARDWARE, TRIALS, Plan, digest_of_robot
 from assets.project import PROJECT, Project
-from assets.report import check_result, declared, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, result_of, table_of
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.clips.outcome import Reason
 from pipeline.errors import PipelineError
@@ -191,14 +191,12 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
     return version, {"files": len(logs), "still being written": len(waiting)}
 
 
-@dg.asset(
-    **declared(TRIALS, "parquet", deps=[HARDWARE_LOGS]),
-    check_specs=[
-        dg.AssetCheckSpec(READABLE, asset=TRIALS.key, description="No log is refused."),
-        dg.AssetCheckSpec(VERIFIED, asset=TRIALS.key, description="Every log has checksums, which hold."),
-    ],
+@asset_of(
+    TRIALS,
+    "parquet",
+    deps=[HARDWARE_LOGS],
+    checks={READABLE: "No log is refused.", VERIFIED: "Every log has checksums, which hold."},
 )
-@plain_errors
 def hardware_trials(context: dg.AssetExecutionContext):
     """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
     values = settings.read(PROJECT.settings("hardware_logs.yaml"), LogSettings)

@@ -4,18 +4,16 @@ from collections.abc import Iterator
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.hardware import trials_of as files_of
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, served
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, picture, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
 from pipeline.files import settings
 from pipeline.hardware_logs.trial import read_trial
-from pipeline.validation.bars import read_validation
 from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
@@ -23,13 +21,9 @@ AGREE = "engines_agree"
 
 def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey | None) -> Any:
     """The asset `limit_cycles` of a robot; `trials` are the logs of robots, where the graph has them."""
-    spec = dg.AssetCheckSpec(AGREE, asset=plan.key, description="MuJoCo and DART walk alike at the required speeds.")
-    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+    checks, deps = {AGREE: "MuJoCo and DART walk alike at the required speeds."}, [adapted.key, trials]
 
-    @dg.asset(
-        **declared(plan, "mujoco", ins=inputs, deps=[adapted.key, *([trials] if trials else [])]), check_specs=[spec]
-    )
-    @plain_errors
+    @asset_of(plan, "mujoco", inputs={"exported_policy": exported}, deps=list(filter(None, deps)), checks=checks)
     def limit_cycles(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
@@ -37,8 +31,7 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         robot = plan.robot or DEFAULT_ROBOT
-        rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = evaluated_policy(config, exported_policy, robot)
+        judged, rules = evaluated_policy(config, exported_policy, robot)
         policy, facts = digest(judged.policy), served(exported_policy)
         names = {policy} | ({facts["files"]["policy.npz"]} if facts["digest"] == policy else set())  # logs name either
         found = find(judged, trials_of(trials, robot, names), values, rules.limit_cycles)
@@ -59,22 +52,21 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
             "not run": [text for each in found for text in each.missing],
             "speeds": [each.to_dict() for each in found],
         }
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
         shown_note = {"note": note} if note else {}
         what = "; ".join(reasons) or ("within the bars" if passed else NONE_REQUIRED)
         check = check_result(plan, AGREE, passed, what, shown_note)
-        rows = pd.DataFrame([row for each in found for row in each.rows()])
-        compared = pd.DataFrame([_row(each.speed_m_s, one) for each in found for one in each.comparisons])
+        rows = [row for each in found for row in each.rows()]
+        compared = [_row(each.speed_m_s, one) for each in found for one in each.comparisons]
         metadata = {
             "passed": passed,
             **shown_note,
             "not required": "; ".join(shown) or "none",
             "not compared": "; ".join(verdict["not run"]) or "none",
             "pictures": picture(limit_cycle_plots(found)),
-            **({"cycles": table_of(rows, list(rows))} if len(rows) else {}),
-            **({"comparisons": table_of(compared, list(compared))} if len(compared) else {}),
+            **({"cycles": table_of(rows)} if rows else {}),
+            **({"comparisons": table_of(compared)} if compared else {}),
         }
-        return result_of(plan, manifest, metadata, [check])
+        return result_of(plan, {VERDICT: verdict}, metadata, [check])
 
     return limit_cycles
 

@@ -1,72 +1,28 @@
-"""The stages that are the same for every robot: catalogue, KP1, KP2.
-
-KP1's windows include those that approved feedback asks for; what is short of it is reported.
-"""
+"""The stages that are the same for every robot: catalogue, KP1, KP2."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import dagster as dg
 
-from assets.approved import approval_metadata, approved_key, approved_part, noting
+from assets.approved import approval_metadata, approved_key, approved_part
 from assets.checks import check_specs
 from assets.plan import SHARED
 from assets.project import PROJECT
-from assets.report import declared, picture, plain_errors, stage_metadata
+from assets.report import asset_of, picture, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
-from pipeline.clips.outcome import Reason
-from pipeline.feedback.approved import wanted_seconds
-from pipeline.feedback.change import Change
-from pipeline.files import digest, settings
+from pipeline.feedback.windows import chosen_windows
+from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
-from pipeline.selection import Curation, RaisedBound, choose, idle_patterns, process, raised_bounds
-
-BOUNDS = "bounds raised by feedback"
-"""Stage name under which a manifest says what raised bounds brought."""
-
-
-def chosen_windows(
-    windows: Manifest, curation: Curation, feedback: Sequence[Change]
-) -> tuple[Manifest, tuple[RaisedBound, ...]]:
-    """The windows that are taken, the others with their reason, and what each bound brought that feedback raised.
-
-    The manifest names the changes and what they brought; without changes it is as the curation alone makes it.
-    """
-
-    rows, wanted = windows.entry_table(), wanted_seconds(curation, feedback)
-    dropped = {
-        row.clip: Reason(code="not_taken", text=f"{row.clip}: {row.why}", effect="rejected").to_dict()
-        for row in choose(rows, wanted).itertuples()
-        if not row.taken
-    }
-    manifest = noting(windows.without(dropped), feedback, "selection")
-    bounds = raised_bounds(rows, curation, wanted, [change.what for change in feedback])
-    if bounds:
-        record = {"stage": BOUNDS, "bounds": [each.to_dict() for each in bounds]}
-        manifest = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(record): record})
-    return manifest, bounds
-
-
-def short_of_wanted(stages: Mapping[str, Any]) -> tuple[str, ...]:
-    """A message for each skill that feedback requests more of than there is, from the stages of a manifest."""
-    named = (facts for facts in stages.values() if isinstance(facts, dict) and facts.get("stage") == BOUNDS)
-    bounds = [each for facts in named for each in facts["bounds"]]
-    return tuple(each["text"] for each in bounds if each["short"])
-
+from pipeline.selection import Curation, idle_patterns, process
 
 CATALOG, SELECTED, REPAIRED = SHARED
 
 
-@dg.asset(
-    **declared(CATALOG, "python", deps=[RAW_MOTIONS]),
-    check_specs=check_specs(CATALOG),
-)
-@plain_errors
+@asset_of(CATALOG, "python", deps=[RAW_MOTIONS], specs=check_specs(CATALOG))
 def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource):
     """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
     from pipeline.catalog import CatalogSettings, catalogue_file
@@ -85,12 +41,14 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     return materialized(CATALOG, manifest, metadata)
 
 
-@dg.asset(
-    **declared(SELECTED, "python", deps=[approved_key("selection", None)], tags={"kp": "1"}),
-    ins={"motion_catalog": dg.AssetIn(CATALOG.key)},
-    check_specs=check_specs(SELECTED),
+@asset_of(
+    SELECTED,
+    "python",
+    "1",
+    inputs={"motion_catalog": CATALOG},
+    deps=[approved_key("selection", None)],
+    specs=check_specs(SELECTED),
 )
-@plain_errors
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
     from pipeline.viewing.plots import command_coverage
@@ -113,12 +71,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     return materialized(SELECTED, manifest, metadata)
 
 
-@dg.asset(
-    **declared(REPAIRED, "numpy", tags={"kp": "2"}),
-    ins={"selected_motions": dg.AssetIn(SELECTED.key)},
-    check_specs=check_specs(REPAIRED),
-)
-@plain_errors
+@asset_of(REPAIRED, "numpy", "2", inputs={"selected_motions": SELECTED}, specs=check_specs(REPAIRED))
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
     """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
     from pipeline.repair import RepairSettings, prepare, process

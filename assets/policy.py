@@ -12,13 +12,14 @@ import numpy as np
 
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import check_result, declared, plain_errors, result_of
+from assets.report import asset_of, check_result, result_of
 from assets.training_process import curves_of
 from pipeline.batch import Manifest
 from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.export.card import page
 from pipeline.robot import load_robot
+from pipeline.validation.bars import ValidationSettings, read_validation
 from pipeline.validation.deployed import Deployed, deployed
 
 EXACT = "gives_the_networks_actions"
@@ -44,13 +45,14 @@ class ExportConfig(dg.Config):
 
 def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
     """The asset `exported_policy` of a robot."""
-    specs = [
-        dg.AssetCheckSpec(EXACT, asset=plan.key, blocking=True, description="ONNX and TorchScript are the network's."),
-        dg.AssetCheckSpec(MAY_SHIP, asset=plan.key, description="The licence of its expert database lets it ship."),
-    ]
 
-    @dg.asset(**declared(plan, "onnx", deps=[trained.key, model.key]), check_specs=specs)
-    @plain_errors
+    @asset_of(
+        plan,
+        "onnx",
+        deps=[trained.key, model.key],
+        checks={MAY_SHIP: "The licence of its expert database lets it ship."},
+        blocking={EXACT: "ONNX and TorchScript are the network's."},
+    )
     def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig):
         """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
         from pipeline.export.folder import read_export
@@ -72,8 +74,7 @@ def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
             "folder": folder.relative_to(PROJECT.root).as_posix(),
             "files": card.files,
         }
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={card.digest: facts})
-        return result_of(plan, manifest, _export_metadata(export, origin), _export_checks(plan, card))
+        return result_of(plan, {card.digest: facts}, _export_metadata(export, origin), _export_checks(plan, card))
 
     return exported_policy
 
@@ -165,10 +166,13 @@ class EvaluatedPolicyConfig(dg.Config):
     """An npz to evaluate in place of the exported policy. The release report then calls it another policy's result."""
 
 
-def evaluated_policy(config: EvaluatedPolicyConfig, exported: Manifest, robot: str) -> Deployed:
-    """The policy that is meant, on the adapted robot. Raises FileError."""
+def evaluated_policy(
+    config: EvaluatedPolicyConfig, exported: Manifest, robot: str
+) -> tuple[Deployed, ValidationSettings]:
+    """The policy that is meant on the adapted robot, and the robot's bars. Raises FileError, SettingsError."""
+    bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
-    return deployed(PROJECT.adapted_robot(robot), policy)
+    return deployed(PROJECT.adapted_robot(robot), policy), bars
 
 
 def remove_earlier_logs(folder: Path, logs: Sequence[Path]) -> None:

@@ -83,11 +83,6 @@ class Project:
         return FeedbackFiles.of(self.root)
 
     @property
-    def approved_feedback(self) -> Path:
-        """The file of approved changes; there is none where nothing was approved."""
-        return self.data / "feedback" / "approved.yaml"
-
-    @property
     def proposed_feedback(self) -> Path:
         """The file of proposed changes, in the form of the approved one."""
         return self.data / "feedback" / "proposed.yaml"

@@ -7,13 +7,13 @@ from typing import Any
 
 import dagster as dg
 
-from assets.approved import approval_metadata, approved_part, noting
+from assets.approved import approval_metadata, approved_key, approved_part
 from assets.checks import check_specs
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, stage_metadata
+from assets.report import asset_of, picture, stage_metadata
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
+from assets.stage import materialized, references_of, stage_of, thresholds, write_table
 from pipeline.augment import AugmentSettings, process
 from pipeline.augment.mirror import mirror_skill
 from pipeline.augment.process import KINDS
@@ -22,7 +22,7 @@ from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility import process as feasibility
 from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.image import nothing_assessed, pair
-from pipeline.feedback.approved import further_variants
+from pipeline.feedback.approved import further_variants, noting
 from pipeline.feedback.change import Change
 from pipeline.files import settings
 from pipeline.robot import load_robot
@@ -74,13 +74,9 @@ def with_further_variants(manifest: Manifest, made: Manifest, skill: str) -> Man
 
 def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     """The asset `motion_variants` of a robot."""
-    inputs = inputs_of(retargeted_motions=retargeted, robot_model=model)
+    inputs, deps = {"retargeted_motions": retargeted, "robot_model": model}, [approved_key("augmentation", plan.robot)]
 
-    @dg.asset(
-        **declared_motions(plan, "numpy", "4", inputs, "augmentation"),
-        check_specs=check_specs(plan),
-    )
-    @plain_errors
+    @asset_of(plan, "numpy", "4", inputs=inputs, deps=deps, specs=check_specs(plan))
     def motion_variants(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -110,12 +106,9 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
 
 def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
     """The asset `reference_motions` of a robot."""
+    inputs = {"motion_variants": variants, "adapted_robot": adapted}
 
-    @dg.asset(
-        **declared_motions(plan, "mujoco", "4", inputs_of(motion_variants=variants, adapted_robot=adapted)),
-        check_specs=check_specs(plan),
-    )
-    @plain_errors
+    @asset_of(plan, "mujoco", "4", inputs=inputs, specs=check_specs(plan))
     def reference_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,

@@ -12,7 +12,7 @@ from assets.bootstrap import cause, stale_now
 from assets.plan import RELEASED, Plan, plans
 from assets.policy import served, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import check_result, declared, page_link, plain_errors, result_of
+from assets.report import asset_of, check_result, page_link, result_of
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
@@ -39,10 +39,9 @@ PICTURE = re.compile(r"data:image/(png|gif);base64,([A-Za-z0-9+/=]+)")
 
 def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
     """The asset `release_report` of a robot; `known` are the plans of the assets it is made from, by name."""
-    spec = dg.AssetCheckSpec(READY, asset=plan.key, description="Every check was run on this policy and passed.")
+    checks = {READY: "Every check was run on this policy and passed."}
 
-    @dg.asset(**declared(plan, "html", deps=[each.key for each in known.values()]), check_specs=[spec])
-    @plain_errors
+    @asset_of(plan, "html", deps=[each.key for each in known.values()], checks=checks)
     def release_report(context: dg.AssetExecutionContext):
         """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
         robot = plan.robot or DEFAULT_ROBOT
@@ -53,8 +52,12 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
         points = dossier.open_points
         for point in points:
             context.log.info(f"open: {point}")
-        facts = {"stage": plan.name, "policy": dossier.policy, "page": digest.of_bytes(text.encode()), "open": points}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={"release": {**facts, "open": [*points]}})
+        facts = {
+            "stage": plan.name,
+            "policy": dossier.policy,
+            "page": digest.of_bytes(text.encode()),
+            "open": [*points],
+        }
         check = check_result(plan, READY, not points, "; ".join(points) or "every check was run and passed")
         metadata = {
             "policy": dossier.policy or "none",
@@ -63,7 +66,7 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
             **page_link(f"release/{robot}", "the page to sign"),
             "dagster/uri": dg.MetadataValue.path(str(path)),
         }
-        return result_of(plan, manifest, metadata, [check])
+        return result_of(plan, {"release": facts}, metadata, [check])
 
     return release_report
 

@@ -1,10 +1,8 @@
-"""What assets declare and report: result, checks, metadata, tables, pictures, links, and errors of one sentence.
-
-`plain_errors`: a PipelineError or TrainingError becomes a Failure with that sentence, without a traceback of ours.
-"""
+"""What assets declare and report: result, checks, metadata, tables, pictures, links, and errors of one sentence."""
 
 import base64
 import functools
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -20,31 +18,66 @@ from pipeline.errors import PipelineError
 from pipeline.files.shown_text import markdown_table
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
+from pipeline.robot.build import COLUMNS
 
 
-def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
-    """The arguments of `dg.asset` that follow from the plan."""
-    tags = {"tags": {"robot": plan.robot}} if plan.robot else {}
-    return {
-        "key": plan.key,
-        "group_name": group_of(plan.name, plan.robot),
-        "kinds": {kind},
-        "code_version": plan.code_version(),
-        **tags,
-        **others,
-    }
+def asset_of(
+    plan: Plan,
+    kind: str,
+    kp: str = "",
+    *,
+    inputs: Mapping[str, Plan] | None = None,
+    checks: Mapping[str, str] | None = None,
+    blocking: Mapping[str, str] | None = None,
+    specs: Sequence[dg.AssetCheckSpec] = (),
+    **others: Any,
+) -> Callable[[Callable[..., Any]], dg.AssetsDefinition]:
+    """`dg.asset` with what follows from the plan. An error of the project is a Failure with its sentence.
+
+    Args:
+        kind: what it is made with, as the graph shows it
+        kp: number of its key problem
+        inputs: what it takes, by argument name
+        checks: checks that it declares, name -> description; those of `blocking` stop what is downstream
+        specs: further checks
+        others: of `dg.asset`
+    """
+    named = [(blocking or {}, True), (checks or {}, False)]
+    declared = [
+        dg.AssetCheckSpec(name, asset=plan.key, blocking=blocks, description=text)
+        for texts, blocks in named
+        for name, text in texts.items()
+    ]
+
+    def decorate(function: Callable[..., Any]) -> dg.AssetsDefinition:
+        return dg.asset(
+            key=plan.key,
+            group_name=group_of(plan.name, plan.robot),
+            kinds={kind},
+            code_version=plan.code_version(),
+            tags={name: value for name, value in (("robot", plan.robot), ("kp", kp)) if value},
+            ins={name: dg.AssetIn(each.key) for name, each in (inputs or {}).items()},
+            check_specs=[*specs, *declared],
+            **others,
+        )(_with_plain_errors(function))
+
+    return decorate
 
 
 def result_of(
     plan: Plan,
-    manifest: Manifest,
+    made: Manifest | dict[str, Any],
     metadata: Mapping[str, Any],
     checks: Sequence[dg.AssetCheckResult] = (),
     *,
     faults: int = 0,
     tags: Mapping[str, str] | None = None,
 ) -> dg.MaterializeResult:
-    """The result that Dagster records: content as data version, fingerprint and faults as tags; tables come last."""
+    """The result that Dagster records: content as data version, fingerprint and faults as tags; tables come last.
+
+    What is made is a manifest, or the settings of one without clips.
+    """
+    manifest = made if isinstance(made, Manifest) else Manifest(stage=plan.name, entries=(), judged=(), settings=made)
     return dg.MaterializeResult(
         asset_key=plan.key,
         value=manifest,
@@ -110,9 +143,13 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
     return metadata
 
 
-def table_of(frame: pd.DataFrame, columns: Sequence[str]) -> dg.TableMetadataValue:
-    """A table of the named columns (those that are there), at most `MAX_ROWS` rows."""
-    shown = frame[[name for name in dict.fromkeys(columns) if name in frame.columns]].head(MAX_ROWS)
+def table_of(
+    rows: pd.DataFrame | Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
+) -> dg.TableMetadataValue:
+    """A table of the named columns (those that are there) or of all, at most `MAX_ROWS` rows."""
+    frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(rows)
+    wanted = dict.fromkeys(frame.columns if columns is None else columns)
+    shown = frame[[name for name in wanted if name in frame.columns]].head(MAX_ROWS)
     names = [str(name) for name in shown.columns]
     records = [
         dg.TableRecord({name: _cell(value) for name, value in zip(names, row, strict=True)})
@@ -149,20 +186,9 @@ def page_link(path: str, name: str) -> dict[str, dg.MarkdownMetadataValue]:
 
 
 def joint_table(robot: Robot) -> pd.DataFrame:
-    """One row a joint: limits, gains, armature. rad, rad/s, N m, kg m2."""
-    columns = {
-        "joint": robot.joint_names,
-        "lower": robot.joint_lower,
-        "upper": robot.joint_upper,
-        "speed": robot.motor_speed_limit,
-        "retarget speed": robot.retarget_speed_limit,
-        "torque": robot.torque_limit,
-        "armature": robot.armature,
-        "kp": robot.kp,
-        "kd": robot.kd,
-        "default": robot.default_joint_pos,
-    }
-    return pd.DataFrame({name: list(values) for name, values in columns.items()})
+    """One row a joint: limits, gains, armature, as joints.csv names them. rad, rad/s, N m, kg m2."""
+    columns = {column: getattr(robot, name) for name, column in COLUMNS.items()}
+    return pd.DataFrame({"joint": robot.joint_names, **{name: list(values) for name, values in columns.items()}})
 
 
 @contextmanager
@@ -174,12 +200,17 @@ def as_failure() -> Iterator[None]:
         raise dg.Failure(str(error), allow_retries=False) from None
 
 
-def plain_errors(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`as_failure` around the body of an asset."""
+def _with_plain_errors(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`as_failure` around the body of an asset, which may be a generator."""
 
     @functools.wraps(function)
-    def wrapped(*arguments: Any, **named: Any) -> Any:
+    def returned(*arguments: Any, **named: Any) -> Any:
         with as_failure():
             return function(*arguments, **named)
 
-    return wrapped
+    @functools.wraps(function)
+    def yielded(*arguments: Any, **named: Any) -> Any:
+        with as_failure():
+            yield from function(*arguments, **named)
+
+    return yielded if inspect.isgeneratorfunction(function) else returned

@@ -8,27 +8,26 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
-from assets.approved import approval_metadata, approved_part, approved_specs, noting
+from assets.actuators import MODELS_AGREE, actuator_calibration, actuator_measurements, adapted_robot
+from assets.approved import approval_metadata, approved_key, approved_part, approved_specs
 from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
 from assets.database import materialize_database
-from assets.database_checks import database_check_specs
-from assets.plan import Plan, robot_plans
+from assets.database_checks import BLOCKING, CHECKS
+from assets.plan import SHARED, Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
 from assets.report import (
-    as_failure,
+    asset_of,
     check_result,
     joint_table,
     picture,
-    plain_errors,
     result_of,
     stage_metadata,
     table_of,
 )
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
+from assets.stage import materialized, references_of, stage_of, thresholds, write_table
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
@@ -40,6 +39,7 @@ from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.evaluated import READ as OF_RESULTS
 from pipeline.feasibility.evaluated import Results, ResultsOfPieces, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
+from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot
@@ -84,38 +84,21 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
 
 
 def _robot_model(plan: Plan) -> Any:
-    @dg.asset(
-        **declared_motions(plan, "mujoco"),
-        check_specs=[
-            dg.AssetCheckSpec(
-                "models_agree",
-                asset=plan.key,
-                blocking=True,
-                description="MJCF and URDF compile and have the same mass and joints.",
-            )
-        ],
-    )
-    @plain_errors
+    @asset_of(plan, "mujoco", blocking={"models_agree": MODELS_AGREE})
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
         check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
-        joints = joint_table(robot)
-        return result_of(plan, manifest, {"joints": table_of(joints, list(joints))}, [check])
+        return result_of(plan, {robot.digest: facts}, {"joints": table_of(joint_table(robot))}, [check])
 
     return robot_model
 
 
 def _retargeted_motions(plan: Plan, model: Plan) -> Any:
-    inputs = {"repaired_motions": dg.AssetIn(dg.AssetKey(["repaired_motions"])), **inputs_of(robot_model=model)}
-
-    @dg.asset(
-        **declared_motions(plan, "placo", "4", inputs),
-        check_specs=check_specs(plan),
+    @asset_of(
+        plan, "placo", "4", inputs={"repaired_motions": SHARED[-1], "robot_model": model}, specs=check_specs(plan)
     )
-    @plain_errors
     def retargeted_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -140,20 +123,21 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
 
 
 def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Plan) -> Any:
-    inputs = inputs_of(augmented_motions=rollouts, reference_motions=references, adapted_robot=adapted)
-    stored = dg.AssetCheckSpec(
-        "stored_as_evaluated",
-        asset=plan.key,
-        blocking=True,
-        description="Every accepted clip is in the store under the digest of its bytes, and reading and writing it "
-        "again gives the same bytes: what is stored is what was evaluated.",
+    stored = "stored_as_evaluated"
+    bytes_hold = (
+        "Every accepted clip is in the store under the digest of its bytes, and reading and writing it again gives the "
+        "same bytes: what is stored is what was evaluated."
     )
 
-    @dg.asset(
-        **declared_motions(plan, "mujoco", "5", inputs, "weights"),
-        check_specs=[*check_specs(plan), stored],
+    @asset_of(
+        plan,
+        "mujoco",
+        "5",
+        inputs={"augmented_motions": rollouts, "reference_motions": references, "adapted_robot": adapted},
+        deps=[approved_key("weights", plan.robot)],
+        specs=check_specs(plan),
+        blocking={stored: bytes_hold},
     )
-    @plain_errors
     def feasible_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -202,7 +186,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
         what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
-        check = check_result(plan, stored.name, not damaged, what, warn=False)
+        check = check_result(plan, stored, not damaged, what, warn=False)
         result = materialized(plan, manifest, metadata)
         return result._replace(check_results=[*result.check_results, check])
 
@@ -248,11 +232,10 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     if found.empty:
         return {}
     accepted, tried = found["accepted"].tolist(), found["tried"].tolist()
-    away = distances(feasible)
     return {
         "disturbed rollouts accepted": f"{sum(accepted)} of {sum(tried)}, at least {min(accepted)} a source clip",
-        "disturbed rollouts accepted, each source clip": table_of(found, list(found)),
-        "distance of disturbed rollouts from their references": table_of(away, list(away)),
+        "disturbed rollouts accepted, each source clip": table_of(found),
+        "distance of disturbed rollouts from their references": table_of(distances(feasible)),
     }
 
 
@@ -279,15 +262,18 @@ def _reweighed(
     numbers = {
         clip: {"weight": weight, "weight_before_feedback": before[clip]} for clip, weight in found.weight.items()
     }
-    cells = pd.DataFrame([vars(cell) for cell in found.cells])
-    return manifest.with_numbers(numbers), {"command cells by feedback": table_of(cells, list(cells))}
+    cells = [vars(cell) for cell in found.cells]
+    return manifest.with_numbers(numbers), {"command cells by feedback": table_of(cells)}
 
 
 def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
-    @dg.asset(
-        **declared_motions(plan, "json", inputs=inputs_of(feasible_motions=feasible, robot_model=model)),
+    @asset_of(
+        plan,
+        "json",
+        inputs={"feasible_motions": feasible, "robot_model": model},
+        checks=CHECKS,
+        blocking=BLOCKING,
         output_required=False,
-        check_specs=database_check_specs(plan),
     )
     def expert_db(
         context: dg.AssetExecutionContext,
@@ -296,7 +282,6 @@ def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
         robot_model: Manifest,
     ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
         """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
-        with as_failure():
-            yield from materialize_database(context, plan, feasible_motions, clip_pool.pool())
+        yield from materialize_database(context, plan, feasible_motions, clip_pool.pool())
 
     return expert_db

@@ -58,8 +58,6 @@ def _is_dead(path: Path) -> bool:
     return True
 
 
-MAX_FAILURES = 3
-"""Failed runs in a row after which a person has to look."""
 START_S = 600.0
 """A run holds its lock at the latest this long after it was requested [s]."""
 LOOK_BACK = 20
@@ -77,6 +75,16 @@ class RecentRuns:
     last_run: str
     """Id of the newest; empty where there is none."""
 
+    def against_another(self, what: str, most: int, by_hand: str) -> str:
+        """Why no run is started now for `what`; empty where one may be. `by_hand`: what a person can do."""
+        if self.running:
+            return f"a run was started for {what}"
+        if self.cancelled:
+            return f"run {self.last_run} for {what} was cancelled; a change starts one, or {by_hand}"
+        if self.failures >= most:
+            return f"{self.failures} runs for {what} came to nothing; look at run {self.last_run}, then {by_hand}"
+        return ""
+
 
 def recent_runs(
     instance: dg.DagsterInstance, project: Project, runs: dg.RunsFilter, is_failure: Callable[[dg.DagsterRun], bool]
@@ -88,20 +96,16 @@ def recent_runs(
     """
     folder = project.store.root / "runs"
     fail_dead_runs(instance, folder)
-    records = instance.get_run_records(filters=runs, limit=LOOK_BACK)
-    over = [record.dagster_run for record in records]
-    running = False
-    for record in records:
-        run = record.dagster_run
-        age_s = time.time() - record.create_timestamp.timestamp()
-        path = folder / run.run_id
-        alive = path.is_file() and not _is_dead(path)
-        waits = run.status == dg.DagsterRunStatus.QUEUED or age_s < START_S or alive
-        if not run.is_finished and waits:
-            running = True
-            over.remove(run)
+    under_way, over = [], []
+    for record in instance.get_run_records(filters=runs, limit=LOOK_BACK):
+        run, path = record.dagster_run, folder / record.dagster_run.run_id
+        young = time.time() - record.create_timestamp.timestamp() < START_S
+        waits = run.status == dg.DagsterRunStatus.QUEUED or young or (path.is_file() and not _is_dead(path))
+        (under_way if waits and not run.is_finished else over).append(run)
     failed = list(itertools.takewhile(is_failure, over))
-    cancelled = bool(failed) and failed[0].status == dg.DagsterRunStatus.CANCELED
     return RecentRuns(
-        running=running, failures=len(failed), cancelled=cancelled, last_run=over[0].run_id if over else ""
+        running=bool(under_way),
+        failures=len(failed),
+        cancelled=bool(failed) and failed[0].status == dg.DagsterRunStatus.CANCELED,
+        last_run=over[0].run_id if over else "",
     )

@@ -15,7 +15,6 @@ from assets.approved import (
     PARTS,
     PROPOSAL,
     SHARED_PARTS,
-    approvals_of,
     approved_key,
     approved_versions,
     shown_state,
@@ -25,7 +24,7 @@ from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
 from assets.project import PROJECT, Project
-from assets.runs import MAX_FAILURES, recent_runs
+from assets.runs import recent_runs
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest
@@ -39,25 +38,29 @@ renew_feedback_page = dg.define_asset_job(
 
 def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunRequest | None:
     """The run that makes the page again; None where it is as it should be, was never made, or can't be made."""
-    tags, state = last_tags(instance, PROPOSAL), shown_state(approvals_of(project), project.feedback.declined_changes())
+    tags, files = last_tags(instance, PROPOSAL), project.feedback
+    state = shown_state(files.approvals(), files.declined_changes())
     if tags is None or tags.get(PAGE_TAG) == state:
         return None
     runs = dg.RunsFilter(job_name=renew_feedback_page.name)
     found = recent_runs(instance, project, runs, lambda run: run.tags.get(PAGE_TAG) == state)
-    if found.running or found.cancelled or found.failures >= MAX_FAILURES:
+    if found.against_another("the page", MAX_FAILURES, ""):
         return None
     return dg.RunRequest(job_name=renew_feedback_page.name, tags={PAGE_TAG: state})
 
 
 EVERY_S = 30
+"""Between two looks of a sensor [s]."""
+MAX_FAILURES = 3
+"""Failed runs in a row after which a person has to look."""
+MAX_NIGHTLY_TRIES = 2 * MAX_FAILURES
+"""The sensor gives up first; by night the machine may have room again."""
+
 USED_BY = {"augmentation": "motion_variants", "weights": "feasible_motions", "motors": "adapted_robot"}
 """Section of a robot's feedback -> its asset that uses it. Training does too, but is not started here."""
 
 APPROVED_TAG = "booster_lab/approved"
 """Tag of a run: what was approved when it was requested."""
-MAX_NIGHTLY_TRIES = 2 * MAX_FAILURES
-"""The sensor gives up first; by night the machine may have room again."""
-
 DATABASES = tuple(robot_plans(robot)["expert_db"].key for robot in PROJECT.robots)
 
 recurate = dg.define_asset_job(
@@ -103,7 +106,7 @@ def _in_database(project: Project, robot: str) -> dict[str, str] | None:
 def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.RunRequest | dg.SkipReason:
     """The run that brings what is approved into the databases, or why there is none."""
     try:
-        for section, fault in approvals_of(project).faults.items():
+        for section, fault in project.feedback.approvals().faults.items():
             if section in SHARED_PARTS or section in USED_BY:  # a file that can't be read faults all sections
                 return dg.SkipReason(str(fault))
         late = behind(instance, project)
@@ -116,18 +119,9 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
     mark = {APPROVED_TAG: state[:FINGERPRINT_DIGITS]}
     runs = dg.RunsFilter(job_name=recurate.name)  # the databases are still behind: each run that ended counts as failed
     found = recent_runs(instance, project, runs, lambda run: run.tags.get(APPROVED_TAG) == mark[APPROVED_TAG])
-    if found.running:
-        return dg.SkipReason(f"a run was started for what is approved now ({reasons})")
-    if found.cancelled:
-        return dg.SkipReason(
-            f"run {found.last_run} for what is approved now was cancelled ({reasons}); something else that is approved "
-            "starts one, or start the job recurate by hand"
-        )
-    if found.failures >= most:
-        return dg.SkipReason(
-            f"{found.failures} runs for what is approved now came to nothing ({reasons}); "
-            f"look at run {found.last_run}, then start the job recurate by hand"
-        )
+    why = found.against_another(f"what is approved now ({reasons})", most, "start the job recurate by hand")
+    if why:
+        return dg.SkipReason(why)
     return dg.RunRequest(job_name=recurate.name, asset_selection=sorted(late), tags=mark)
 
 
@@ -155,7 +149,6 @@ def nightly_recuration(context: dg.ScheduleEvaluationContext) -> dg.RunRequest |
     return requested(context.instance, PROJECT, MAX_NIGHTLY_TRIES)
 
 
-LOGS_EVERY_S = 30
 LOGS_TAG = "booster_lab/logs"
 """Tag of a run: the content of the folder that it was started for."""
 
@@ -168,7 +161,7 @@ ingest_logs = dg.define_asset_job(
 
 @dg.sensor(
     job=ingest_logs,
-    minimum_interval_seconds=LOGS_EVERY_S,
+    minimum_interval_seconds=EVERY_S,
     default_status=dg.DefaultSensorStatus.RUNNING,
     description="Ingests new logs of data/hardware_logs, once each; what is still being copied waits.",
 )
@@ -185,18 +178,11 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
     mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
     runs = dg.RunsFilter(job_name=ingest_logs.name, tags=mark)
     found = recent_runs(context.instance, PROJECT, runs, lambda run: not run.is_success)
-    if found.running:
-        return dg.SkipReason(f"a run was started for these {count} logs")
-    if known and not found.failures:
+    if known and not found.running and not found.failures:
         return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
-    if found.cancelled:
-        return dg.SkipReason(
-            f"run {found.last_run} for these {count} logs was cancelled; a new log starts one, or start one by hand"
-        )
-    if found.failures >= MAX_FAILURES:
-        return dg.SkipReason(
-            f"{found.failures} runs for these {count} logs failed; look at {found.last_run}, or start one by hand"
-        )
+    why = found.against_another(f"these {count} logs", MAX_FAILURES, "start the job ingest_logs by hand")
+    if why:
+        return dg.SkipReason(why)
     try:
         note_external(context.instance, PROJECT)
     except (PipelineError, OSError) as error:

@@ -6,11 +6,10 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.approved import approved_key
 from assets.checks import evaluate
 from assets.plan import Plan, digest_of_robot
 from assets.project import PROJECT
-from assets.report import curator_link, declared, result_of, table_of
+from assets.report import curator_link, result_of, table_of
 from pipeline.batch import Manifest, Stage
 from pipeline.errors import PipelineError
 from pipeline.feasibility import criteria_table
@@ -55,23 +54,6 @@ def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) ->
     link = curator_link(f"?stage={plan.name}") if manifest.judged else {}
     faults = manifest.reason_counts("rejected")["failed"]
     return result_of(plan, manifest, {**metadata, **link}, evaluate(plan, manifest), faults=faults)
-
-
-def declared_motions(
-    plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None, feedback: str = ""
-) -> dict[str, Any]:
-    """What all motion assets of a robot declare alike.
-
-    `feedback` is the section of the approved feedback that the asset applies.
-    """
-    deps = [approved_key(feedback, plan.robot)] if feedback else []
-    tags = {"robot": plan.robot or "", **({"kp": kp} if kp else {})}
-    return declared(plan, kind, ins=inputs or {}, deps=deps, tags=tags)
-
-
-def inputs_of(**plans: Plan) -> dict[str, dg.AssetIn]:
-    """Inputs by argument name."""
-    return {name: dg.AssetIn(plan.key) for name, plan in plans.items()}
 
 
 def thresholds() -> dict[str, Origin]:

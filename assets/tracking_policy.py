@@ -1,7 +1,5 @@
 """KP4's tracking policy of a robot: the one that ships, or one trained here, by request or before a policy."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,11 +7,10 @@ import dagster as dg
 
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import plain_errors, result_of
+from assets.report import asset_of, result_of
 from assets.resources import ClipPoolResource, store_left_to_others
-from assets.stage import declared_motions, inputs_of
 from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
-from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, TrainingCommand, device_of, train
+from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, Run, device_of, run_in, train
 from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import robot_facts
@@ -43,25 +40,10 @@ class TrackerConfig(dg.Config):
     seed: int = 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrackerRun(TrainingCommand):
-    """A training run of a tracker."""
-
-    num_envs: int
-    iterations: int
-    minutes: float
-
-    @property
-    def command(self) -> list[str]:
-        sizes = {"num_envs": self.num_envs, "iterations": self.iterations, "minutes": f"{self.minutes:g}"}
-        return [*self.with_options("pipeline.tracking", **sizes), "--resume"]
-
-
 def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
     """The asset `tracking_policy` of a robot."""
 
-    @dg.asset(**declared_motions(plan, "pytorch", "4", inputs_of(reference_motions=references, adapted_robot=adapted)))
-    @plain_errors
+    @asset_of(plan, "pytorch", "4", inputs={"reference_motions": references, "adapted_robot": adapted})
     def tracking_policy(
         context: dg.AssetExecutionContext,
         config: TrackerConfig,
@@ -81,7 +63,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
         if served is None:
             why = no_tracker(robot)
             context.log.warning(why)
-            return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why})
+            return result_of(plan, {}, {"origin": why})
         folder, origin = served
         card = read_card(folder)
         unknown = unknown_references(PROJECT, robot, reference_motions)
@@ -93,7 +75,6 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
             "files": card.files,
             "licences": list(card.licences),
         }
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={digest.of_json(card.files): facts})
         metadata = {
             "origin": origin,
             "folder": facts["folder"],
@@ -109,7 +90,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
                 f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job "
                 f"{job_of('train_tracker', robot)}. Before a policy is trained on a GPU, that happens by itself."
             )
-        return result_of(plan, manifest, metadata)
+        return result_of(plan, {digest.of_json(card.files): facts}, metadata)
 
     return tracking_policy
 
@@ -144,7 +125,7 @@ def _train(
     export_tracker(run.folder, bundle, adapted, PROJECT.policies(robot_name) / "tracker", made, clip_pool.pool())
 
 
-def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> TrackerRun:
+def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Run:
     """The run that a config asks for here; the same request continues in the same folder."""
     device = device_of(config.device, config.gpus)
     trial = device == "cpu"
@@ -157,17 +138,5 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Tr
         "seed": config.seed,
     }
     name = f"{'trial-' if trial else ''}seed{config.seed}-{digest.of_json([content, asked])[:10]}"
-    return TrackerRun(folder=runs / name, bundle=bundle, **asked)
-
-
-def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any]:
-    """The job `train_tracker` of each robot (`train_tracker_k1` of another one), started by a person."""
-    return [
-        dg.define_asset_job(
-            job_of("train_tracker", robot),
-            selection=dg.AssetSelection.assets(plans[robot].key),
-            config={"ops": {plans[robot].key.to_python_identifier(): {"config": {"train": ALWAYS}}}},
-            description="Trains a tracking policy on the references, which are brought up to date first. Needs a GPU.",
-        )
-        for robot in robots
-    ]
+    gpus, options = asked.pop("gpus"), asked | {"minutes": f"{config.minutes:g}"}
+    return run_in(runs / name, bundle, "pipeline.tracking", gpus, "--resume", **options)

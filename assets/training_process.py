@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -60,25 +59,19 @@ class TrainingConfig(dg.Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingCommand(ABC):
+class Run:
     """A training run as requested, which a process of its own works on."""
 
     folder: Path
     bundle: Path
     device: str
-    gpus: int
-    seed: int
+    command: tuple[str, ...]
+    """Without the Python that runs it."""
 
     @property
-    @abstractmethod
-    def command(self) -> list[str]:
-        """The command, without the Python that runs it."""
-
-    def with_options(self, module: str, **more: Any) -> list[str]:
-        """The command of a module with the options of this run and more."""
-        given = {"bundle": self.bundle, "out": self.folder, "device": self.device, "seed": self.seed, **more}
-        options = (text for name, value in given.items() for text in (f"--{name.replace('_', '-')}", str(value)))
-        return [*started_module(module, self.gpus), *options]
+    def trial(self) -> bool:
+        """Two iterations on the CPU: no policy comes of it."""
+        return self.device == "cpu"
 
     @property
     def done(self) -> bool:
@@ -86,20 +79,12 @@ class TrainingCommand(ABC):
         return (self.folder / "done.json").is_file()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Run(TrainingCommand):
-    """A training run of a policy."""
-
-    preset: str
-    options: tuple[str, ...]
-    trial: bool
-    """Two iterations on the CPU: no policy comes of it."""
-
-    @property
-    def command(self) -> list[str]:
-        arguments = self.with_options("pipeline.training", preset=self.preset)
-        arguments += [text for each in self.options for text in ("--set", each)]
-        return [*arguments, *(["--stages", *STAGES] if self.trial else [])]
+def run_in(folder: Path, bundle: Path, module: str, gpus: int, *more: str, **options: Any) -> Run:
+    """The run of a module in a folder, with `options` and what comes behind them."""
+    given = {"bundle": bundle, "out": folder, **options}
+    words = [text for name, value in given.items() for text in (f"--{name.replace('_', '-')}", str(value))]
+    command = (*started_module(module, gpus), *words, *more)
+    return Run(folder=folder, bundle=bundle, device=options["device"], command=command)
 
 
 STAGES = ("distillation", "amp")
@@ -125,15 +110,17 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
         texts.append(f"distillation.iterations={iterations if distils else 0}")
     asked: dict[str, Any] = {
         "preset": config.preset,
-        "options": (*texts, *options, *config.options),
+        "options": [*texts, *options, *config.options],
         "seed": config.seed,
         "device": device,
         "gpus": 1 if trial else config.gpus,
         "trial": trial,
     }
-    name = digest.of_json([bundle_digest, {**asked, "options": list(asked["options"])}])[:10]
+    name = digest.of_json([bundle_digest, asked])[:10]
     folder = runs / f"{'trial-' if trial else ''}{config.preset}-seed{config.seed}-{name}"
-    return Run(folder=folder, bundle=bundle, **asked)
+    more = [text for each in asked["options"] for text in ("--set", each)] + (["--stages", *STAGES] if trial else [])
+    given = {name: asked[name] for name in ("device", "seed", "preset")}
+    return run_in(folder, bundle, "pipeline.training", asked["gpus"], *more, **given)
 
 
 def device_of(wanted: str, gpus: int) -> str:
@@ -154,7 +141,7 @@ def gpus_here() -> int:
     return torch.cuda.device_count() if torch.cuda.is_available() else 0
 
 
-def train(run: TrainingCommand, root: Path, lock: Path, log: Any) -> None:
+def train(run: Run, root: Path, lock: Path, log: Any) -> None:
     """Train until the run is done; nothing where it is. Raises TrainingFailedError."""
     if run.done:
         log.info(f"{run.folder.name} is done already: nothing is trained")
@@ -248,10 +235,9 @@ def curves_of(folder: Path) -> dict[str, Any]:
     shown = ("task_reward", "style_reward", "d_expert", "d_policy", "episode_s", "steps_per_s")
     numbers = {name: float(last[name]) for name in shown if name in table and last[name] == last[name]}
     bins = [name.removesuffix("_commanded") for name in table if name.endswith("_commanded")]
-    speeds = pd.DataFrame(
-        [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in ("commanded", "achieved")}} for name in bins]
-    )
-    achieved = {"achieved against commanded velocity": table_of(speeds, list(speeds))} if bins else {}
+    kinds = ("commanded", "achieved")
+    speeds = [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in kinds}} for name in bins]
+    achieved = {"achieved against commanded velocity": table_of(speeds)} if bins else {}
     return {**numbers, "curves": picture(training_curves({"": table})), **achieved}
 
 
@@ -261,11 +247,11 @@ def validation_of(folder: Path) -> dict[str, Any]:
     if not (found / "figures.json").is_file():
         return {}
     sweep, figures = (json.loads((found / name).read_text()) for name in ("sweep.json", "figures.json"))
-    swept = pd.DataFrame(sweep["checkpoints"])
-    measured = pd.DataFrame([{"figure": name, "value": value} for name, value in figures["figures"].items()])
+    swept = sweep["checkpoints"]
+    measured = [{"figure": name, "value": value} for name, value in figures["figures"].items()]
     return {
         "verdict": figures["summary"],
         "checkpoint": f"iteration {sweep['iteration']}, the best of {len(swept)} in the sweep without noise",
-        "sweep of checkpoints": table_of(swept, list(swept)),
-        "figures": table_of(measured, list(measured)),
+        "sweep of checkpoints": table_of(swept),
+        "figures": table_of(measured),
     }

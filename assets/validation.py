@@ -1,27 +1,36 @@
-"""`mujoco_validation`: does the exported policy follow its commands in MuJoCo, on the adapted robot?"""
+"""`mujoco_validation`: does the exported policy follow its commands in MuJoCo, on the adapted robot?
+
+`cross_engine_validation`: the policy in MuJoCo, in MuJoCo with the armature on the links, and in DART.
+`webots_validation`: a Webots project of the robot and its policy, in Webots and in its stand-ins.
+"""
 
 from pathlib import Path
 from typing import Any, Literal
 
 import dagster as dg
-import pandas as pd
 
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
+from assets.report import asset_of, check_result, picture, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
+from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
-from pipeline.validation.bars import read_validation
+from pipeline.robot.load import read_description
 from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.figures import measure
 from pipeline.validation.suites import cells_of, named
 from pipeline.validation.verdict import judge, table
 from pipeline.validation.walk import Worlds, walk
+from pipeline.webots.project import write_project
+from pipeline.webots.result import WebotsSettings
+from pipeline.webots.validate import WEBOTS, project_faults, validate
 
 PASSED = "required_cells_passed"
+HOLDS = "holds_in_both_engines"
+IS_THE_ROBOT, WALKS = "project_is_the_robot", "walks_in_webots"
 SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
 """Walks that pictures show, by cell."""
 
@@ -34,13 +43,9 @@ class ValidationConfig(EvaluatedPolicyConfig):
 
 def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     """The asset `mujoco_validation` of a robot."""
-    spec = dg.AssetCheckSpec(
-        PASSED, asset=plan.key, description="Every required cell of the robot's validation.yaml holds all of its bars."
-    )
-    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+    checks = {PASSED: "Every required cell of the robot's validation.yaml holds all of its bars."}
 
-    @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[adapted.key]), check_specs=[spec])
-    @plain_errors
+    @asset_of(plan, "mujoco", inputs={"exported_policy": exported}, deps=[adapted.key], checks=checks)
     def mujoco_validation(
         context: dg.AssetExecutionContext,
         config: ValidationConfig,
@@ -49,8 +54,7 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     ):
         """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
         robot = plan.robot or DEFAULT_ROBOT
-        bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        one = evaluated_policy(config, exported_policy, robot)
+        one, bars = evaluated_policy(config, exported_policy, robot)
         measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
         verdict = judge(measured, bars, suite=config.suite, policy=digest(one.policy), robot=one.robot.digest)
         folder = PROJECT.simulated_failures(robot, "mujoco")
@@ -59,10 +63,9 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
         not_run = [] if config.suite == "full" else ["the full suite: only the quick one was run"]
         record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": not_run}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: record})
         reasons = "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"
         check = check_result(plan, PASSED, verdict.passed, reasons, _note(verdict))
-        return result_of(plan, manifest, _metadata(one, verdict, logs), [check])
+        return result_of(plan, {VERDICT: record}, _metadata(one, verdict, logs), [check])
 
     return mujoco_validation
 
@@ -76,7 +79,6 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
 
     worlds = Worlds(one)
     walks = {cell.name: walk(worlds, cell.trials[0]) for cell in named(one.robot, SHOWN)}
-    rows = pd.DataFrame(table(verdict))
     spared = {cell.measured.cell.name: cell.bars.why for cell in verdict.cells if not cell.bars.required}
     return {
         "passed": verdict.passed,
@@ -92,5 +94,130 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
         "survival of pushes": picture(survival_heatmap(verdict)),
         "torque against speed": picture(torque_speed(walks, one.envelope)),
         "foot contacts": picture(foot_contacts(walks)),
-        "every cell": table_of(rows, list(rows)),
+        "every cell": table_of(table(verdict)),
     }
+
+
+def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
+    """The asset `cross_engine_validation` of a robot."""
+    checks = {HOLDS: "No fall, commands kept, engines agree where required."}
+
+    @asset_of(plan, "dart", inputs={"exported_policy": exported}, deps=[adapted.key], checks=checks)
+    def cross_engine_validation(
+        context: dg.AssetExecutionContext,
+        config: EvaluatedPolicyConfig,
+        clip_pool: ClipPoolResource,
+        exported_policy: Manifest,
+    ):
+        """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
+        from pipeline.validation.cross_engine import cross_engine
+        from pipeline.validation.cross_engine_trials import write_failures
+        from pipeline.validation.cross_engine_walk import CrossEngineSettings
+        from pipeline.viewing.validation_plots import cross_engine_plots
+
+        grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
+        robot = plan.robot or DEFAULT_ROBOT
+        judged, bars = evaluated_policy(config, exported_policy, robot)
+        found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
+        folder = PROJECT.simulated_failures(robot, "cross_engine")
+        logs = write_failures(judged, found, grid, folder)
+        remove_earlier_logs(folder, logs)
+        facts = {"stage": plan.name, "policy": digest(judged.policy), "gains": judged.gains()}
+        verdict = {**facts, **found.to_dict()}
+        check = check_result(
+            plan, HOLDS, found.passed, "; ".join(found.reasons) or "every required cell holds", _note(found)
+        )
+        metadata = {
+            "passed": found.passed,
+            **_note(found),
+            "required cells": len(found.cells) - len(found.not_required),
+            "cells failed": len(found.failed_cells),
+            "reasons": dg.MetadataValue.md(markdown_list(found.reasons)),
+            "explained by the armature": "; ".join(verdict["explained"]) or "none",
+            "not required": dg.MetadataValue.md(
+                markdown_list(f"{name}: {why}" for name, why in found.not_required.items())
+            ),
+            "failures written": ", ".join(path.name for path in logs) or "none",
+            "pictures": picture(cross_engine_plots(found)),
+            "cells": table_of(found.rows()),
+        }
+        return result_of(plan, {VERDICT: verdict}, metadata, [check])
+
+    return cross_engine_validation
+
+
+def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
+    """The asset `webots_validation` of a robot."""
+
+    @asset_of(
+        plan,
+        "webots",
+        inputs={"exported_policy": exported},
+        deps=[adapted.key],
+        checks={WALKS: "The walk of data/webots.yaml in Webots itself."},
+        blocking={IS_THE_ROBOT: "PROTO and world have the robot's numbers."},
+    )
+    def webots_validation(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
+        """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
+        from pipeline.validation.derived_bars import allowed_of
+
+        values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
+        robot = plan.robot or DEFAULT_ROBOT
+        judged, rules = evaluated_policy(config, exported_policy, robot)
+        folder, source = PROJECT.data / "webots" / robot, read_description(PROJECT.adapted_robot(robot))
+        project = write_project(folder, source, judged.task, judged.envelope, judged.policy, values)
+        faults = project_faults(project.world, judged.robot)
+        verdicts = validate(project, values, allowed_of(rules.webots))
+        note = rules.reference.note_on(judged.robot.digest)
+        stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts, WEBOTS), "note": note or None}
+        statuses = {each.engine: each.status for each in verdicts.values()}
+        for engine, status in statuses.items():
+            context.log.info(f"{engine}: {status}")
+        metadata = {
+            **statuses,
+            **({"note": note} if note else {}),
+            "dagster/uri": dg.MetadataValue.path(str(project.folder)),
+            "segments": table_of(_segments(verdicts)),
+        }
+        return result_of(plan, {VERDICT: stored}, metadata, _webots_checks(plan, faults, verdicts[WEBOTS]))
+
+    return webots_validation
+
+
+def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
+    """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing or failed to
+    run. A stand-in has its own name; one that failed to run is listed too."""
+    own = verdicts[webots]
+    others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}
+    return {
+        "stage": stage,
+        "policy": policy,
+        "passed": own.status == "passed" if own.judged else None,
+        "reasons": list(own.reasons),
+        "not_run": [] if own.judged or own.failed_to_run else [own.status],
+        "failed_to_run": [
+            each.status if name == webots else f"{name}: {each.status}"
+            for name, each in verdicts.items()
+            if each.failed_to_run
+        ],
+        "webots": own.to_dict(),
+        **{name: each["status"] for name, each in others.items()},
+        "stand_ins": others,
+    }
+
+
+def _webots_checks(plan: Plan, faults: tuple[str, ...], webots: Any) -> list[dg.AssetCheckResult]:
+    found = "; ".join(webots.reasons) or webots.status
+    compared = "; ".join(faults) or "motors, limits, masses, inertias, poses, sensors, contacts"
+    return [
+        check_result(plan, IS_THE_ROBOT, not faults, compared, warn=False),
+        check_result(plan, WALKS, webots.status == "passed", found, warn=not webots.failed_to_run),
+    ]
+
+
+def _segments(verdicts: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {"engine": each["engine"], "status": each["status"], **segment}
+        for each in (verdict.to_dict() for verdict in verdicts.values())
+        for segment in ((each["result"] or {}).get("segments") or [{}])
+    ]

@@ -35,8 +35,9 @@ from pipeline.validation.cross_engine_walk import (  # noqa: E402
     CrossEngineSettings,
     walk,
 )
-from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd  # noqa: E402
+from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd  # noqa: E402
 from tests.factories.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
+from tests.factories.policy_walks import ANKLE_KD  # noqa: E402
 
 PUBLISHED = ROOT.parent / "shared" / "policies" / "t1_walk.npz"
 WEAK = ("60 % torque", "half Kp")

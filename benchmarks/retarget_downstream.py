@@ -40,6 +40,7 @@ from pipeline.files import settings as settings_file  # noqa: E402
 from pipeline.robot import load_robot  # noqa: E402
 from pipeline.tracking.bundle import read_tracking_bundle  # noqa: E402
 from pipeline.tracking.nominal_rollout import NominalRollout, clips_of, figures, nominal_rollout  # noqa: E402
+from pipeline.tracking.process import Setup  # noqa: E402
 from pipeline.tracking.settings import TrackingSettings  # noqa: E402
 from pipeline.tracking.task import ITERATIONS  # noqa: E402
 from pipeline.tracking.tracker_folder import NETWORK  # noqa: E402
@@ -139,13 +140,13 @@ def train(bundle: Path, out: Path, recipe: Recipe, seed: int) -> None:
 def rollouts(bundle: Path, robot_folder: Path, tracker: Path, workers: int) -> list[NominalRollout]:
     """The undisturbed rollout of each clip of a bundle, in `workers` processes; 0: one a core."""
     robot = load_robot(robot_folder)
-    needed = {
-        "settings": settings_file.read(ROOT / "data/tracking.yaml", TrackingSettings),
-        "robot": robot,
-        "envelope": torque_envelope(read_actuators(robot_folder)),
-        "tracker": tracker,
-    }
-    work = partial(nominal_rollout, **needed)
+    setup = Setup(
+        settings=settings_file.read(ROOT / "data/tracking.yaml", TrackingSettings),
+        robot=robot,
+        envelope=torque_envelope(read_actuators(robot_folder)),
+        tracker=tracker,
+    )
+    work = partial(nominal_rollout, setup=setup)
     clips = clips_of(read_tracking_bundle(bundle).motions, robot)
     if workers == 1:
         return [work(clip) for clip in clips]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from functools import partial
 from statistics import median
 
 from assets.plan import robot_plans
@@ -21,8 +22,8 @@ from pipeline.batch.pool import ClipPool
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings
 from pipeline.robot import load_robot
-from pipeline.tracking.evaluate import nominal_rollouts
-from pipeline.tracking.nominal_rollout import figures
+from pipeline.tracking.nominal_rollout import figures, nominal_rollout
+from pipeline.tracking.process import Setup
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker_folder import NETWORK, read_card
 
@@ -42,20 +43,20 @@ def main() -> None:
     (facts,) = PROJECT.store.load(plans["tracking_policy"].key.to_user_string()).settings.values()
     tracker = PROJECT.root / facts["folder"]
     trained_on = set(read_card(tracker).clips)
-    asked = (
-        motions,
-        load_robot(folder),
-        torque_envelope(read_actuators(folder)),
-        tracker / NETWORK,
-        settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings),
-        ClipPool(workers=given.workers),
+    setup = Setup(
+        settings=settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings),
+        robot=load_robot(folder),
+        envelope=torque_envelope(read_actuators(folder)),
+        tracker=tracker / NETWORK,
     )
-    found = nominal_rollouts(*asked)  # workers start and import
+    asked = partial(nominal_rollout, setup=setup), [(clip,) for clip in motions]
+    pool = ClipPool(workers=given.workers)
+    found = list(pool.map(*asked))  # workers start and import
     seconds = sum(clip.duration_s for clip in motions)
     speeds = []
     for _ in range(given.repeats):
         started = time.perf_counter()
-        found = nominal_rollouts(*asked)
+        found = list(pool.map(*asked))
         speeds.append(seconds / (time.perf_counter() - started))
     print(f"{len(motions)} clips, {seconds:.0f} s, {given.workers} workers on {os.cpu_count()} cores")
     print(f"{median(speeds):.1f} x real time ({min(speeds):.1f} to {max(speeds):.1f})")

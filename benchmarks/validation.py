@@ -1,13 +1,12 @@
 """The validation in MuJoCo against published figures, planted faults and its time limits.
 
-    python -m benchmarks.validation [--json] [--parts anchor faults repeats quick full] [--workers 2] [--numbers FILE]
+    python -m benchmarks.validation [--json] [--parts anchor faults repeats quick full] [--workers 2]
                                     [--robot data/adapted_robot/t1] [POLICY]
 
 POLICY is the npz of the published walking policy of the T1 (by default `../shared/policies/t1_walk.npz` beside the
 checkout). `anchor` repeats its published sweep on the model that it was published with (the manufacturer's armatures,
 ankles damped with 2 N m s/rad) and puts the adapted robot beside it; `faults` plants each fault in the quick suite;
 `repeats` compares the bits of two runs, spread over processes and not; `quick` and `full` take the time of the suites.
-`--numbers` keeps what was measured and takes it from there the next time.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.deployment import load_policy  # noqa: E402
 from pipeline.validation.bars import read_validation  # noqa: E402
 from pipeline.validation.cells import Cell, command_cells  # noqa: E402
-from pipeline.validation.deployed import ANKLE_KD, Deployed, anchor, deployed, with_ankle_kd  # noqa: E402
-from pipeline.validation.derive import measured_or_kept  # noqa: E402
+from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd  # noqa: E402
 from pipeline.validation.figures import Measured, measure  # noqa: E402
 from pipeline.validation.suites import (  # noqa: E402
     FULL,
@@ -42,6 +40,7 @@ from pipeline.validation.suites import (  # noqa: E402
 from pipeline.validation.verdict import judge  # noqa: E402
 from pipeline.validation.walk import Worlds, walk  # noqa: E402
 from tests.factories.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
+from tests.factories.policy_walks import ANKLE_KD, anchor  # noqa: E402
 
 PUBLISHED = ROOT.parent / "shared" / "policies" / "t1_walk.npz"
 PARTS = ("anchor", "faults", "repeats", "quick", "full")
@@ -81,7 +80,6 @@ def main() -> int:
     parser.add_argument("--robot", type=Path, default=ROOT / "data" / "adapted_robot" / "t1")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--numbers", type=Path)
     parser.add_argument("--json", action="store_true")
     parsed = parser.parse_args()
     pool = ClipPool(workers=parsed.workers)
@@ -94,7 +92,7 @@ def main() -> int:
             "adapted, kd 2": adapted,
             "adapted, kd 1": with_ankle_kd(adapted, 1.0),
         }
-        bars += anchor_bars(models, pool, parsed.numbers)
+        bars += anchor_bars(models, pool)
     if "faults" in parsed.parts:
         bars += fault_bars(adapted, pool)
     if "repeats" in parsed.parts:
@@ -105,12 +103,12 @@ def main() -> int:
     return 0 if report(bars, machine=machine(), json=parsed.json) else 1
 
 
-def anchor_bars(models: dict[str, Deployed], pool: ClipPool, numbers: Path | None) -> list[Bar]:
+def anchor_bars(models: dict[str, Deployed], pool: ClipPool) -> list[Bar]:
     """The published sweep on each model; bounds hold for the first, which is the published one."""
     bars = []
     for place, (model, one) in enumerate(models.items()):
         cells = (*command_cells(SEEDS), *push_cells(one.robot, ("force",)))
-        found = {each.cell.name: each for each in measured_or_kept(one, cells, pool, numbers)}
+        found = {each.cell.name: each for each in measure(one, cells, pool)}
         for name, published in VELOCITIES.items():
             value = achieved(found[name])
             bars.append(Bar(name=f"{model}: {name}", value=value, unit=f"({published:g})"))

@@ -14,8 +14,6 @@ It meets the effort limit at the knee speed when saturation = knee torque / (1 -
 the box's velocity limit as its own would leave no torque at the knee.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -54,28 +52,22 @@ class BoxLimits:
     """Knee speed [rad/s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DcMotorLine:
-    """The DC-motor form."""
+def dc_motor_line(box: BoxLimits, no_load_speed: float) -> dict[str, float]:
+    """The DC-motor form of a knee; NaN where the no-load speed is not known.
 
-    dc_motor_effort_limit: float
-    """Knee torque [N m]: `effort_limit` of mjlab and Isaac Lab."""
-    dc_motor_saturation_effort: float
-    """Torque of the line at rest [N m]: `saturation_effort`. The motor never reaches it."""
-    dc_motor_no_load_speed: float
-    """Speed without torque [rad/s]: `velocity_limit` of both."""
+    `dc_motor_effort_limit`: knee torque [N m], `effort_limit` of mjlab and Isaac Lab
+    `dc_motor_saturation_effort`: torque of the line at rest [N m], `saturation_effort`; the motor never reaches it
+    `dc_motor_no_load_speed`: speed without torque [rad/s], `velocity_limit` of both
 
-
-def dc_motor_line(box: BoxLimits, no_load_speed: float) -> DcMotorLine:
-    """The line through a knee. Raises ValueError if the no-load speed is not above the knee speed."""
+    Raises ValueError if the no-load speed is not above the knee speed.
+    """
+    names = ("dc_motor_effort_limit", "dc_motor_saturation_effort", "dc_motor_no_load_speed")
+    if math.isnan(no_load_speed):
+        return dict.fromkeys(names, math.nan)
     if not no_load_speed > box.box_velocity_limit:
         raise ValueError(f"no-load speed {no_load_speed:g} rad/s is not above the knee's {box.box_velocity_limit:g}.")
     saturation = box.box_effort_limit / (1.0 - box.box_velocity_limit / no_load_speed)
-    return DcMotorLine(
-        dc_motor_effort_limit=box.box_effort_limit,
-        dc_motor_saturation_effort=saturation,
-        dc_motor_no_load_speed=no_load_speed,
-    )
+    return dict(zip(names, (box.box_effort_limit, saturation, no_load_speed), strict=True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +138,7 @@ def _actuator(nominal: Robot, joint: str, found: Calibration | None, settings: A
         motor=found.motor if found else "",
         verdict=verdict,
         **vars(box),
-        **vars(_line(box, no_load)),
+        **dc_motor_line(box, no_load),
         armature=armature if found is None or found.armature is None else found.armature,
         kp=float(nominal.kp[index]),
         kd=float(nominal.kd[index]),
@@ -190,12 +182,6 @@ def motors_source(actuators: Sequence[JointActuator]) -> str:
     return ", ".join(f"{count} of {len(actuators)} joints {kind}" for kind, count in counts.items() if count)
 
 
-def _line(box: BoxLimits, no_load: float) -> DcMotorLine:
-    if math.isnan(no_load):
-        return DcMotorLine(**dict.fromkeys(DcMotorLine.__dataclass_fields__, math.nan))
-    return dc_motor_line(box, no_load)
-
-
 def write_adapted_robot(folder: Path, nominal_folder: Path, actuators: Sequence[JointActuator]) -> Robot:
     """Write the adapted robot as a robot folder with `actuators.csv`, and load it.
 
@@ -232,7 +218,7 @@ def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
         raise FileError(path, "its columns are not those of a table of actuators.", "Materialize adapted_robot again.")
 
     def value(name: str, cell: str) -> str | float:
-        if types[name] == "str":
+        if types[name] is str:
             return cell
         return plain_number(cell) if cell else math.nan
 

@@ -1,7 +1,5 @@
 """Calibrate a motor from its measurement file: its knee, or the reasons against it."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Any
@@ -139,13 +137,9 @@ class Calibration:
         """`calibrated`, or `refused: ` and the reasons."""
         return "calibrated" if self.accepted else "refused: " + "; ".join(self.reasons)
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON types."""
-        return dataclasses.asdict(self)
-
     @staticmethod
-    def from_dict(value: dict[str, Any]) -> Calibration:
-        """Inverse of `to_dict`, also after a JSON round trip."""
+    def from_dict(value: dict[str, Any]) -> "Calibration":
+        """The calibration that `settings.plain` made this of."""
         plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
         if (knee := plain["knee"]) is not None:
             intervals = {name: Interval(**knee[name]) for name in ("speed", "torque")}

@@ -1,7 +1,5 @@
 """Calibrate all motors in a folder of measurements, with memoized results."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,7 +97,7 @@ def calibrate_folder(folder: Path, values: ActuatorSettings, version: str, store
         key = digest.of_json(["actuator", version, settings.plain(values), settings.plain(motor), text])
         answer = store.recall(key, STAGE)
         if answer is None:
-            answer = {"pieces": [], "calibration": calibrate(text, path.name, motor, values).to_dict()}
+            answer = {"pieces": [], "calibration": settings.plain(calibrate(text, path.name, motor, values))}
             store.remember(key, answer, STAGE)
             recomputed.append(motor.name)
         calibrations.append(Calibration.from_dict(answer["calibration"]))

@@ -12,8 +12,6 @@ chosen so that the sum of squares stays below min (1 + t^2 / (n - 4)), t of Stud
 of freedom.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +47,7 @@ class Interval:
         """Over the value."""
         return (self.high - self.low) / abs(self.value)
 
-    def times(self, factor: float) -> Interval:
+    def times(self, factor: float) -> "Interval":
         return Interval(value=self.value * factor, low=self.low * factor, high=self.high * factor)
 
 

@@ -1,7 +1,5 @@
 """Torques and speeds reached in a log, compared with the calibrated limits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """`motors.csv`: joints, gear and rotor of each motor, and the resulting armature."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

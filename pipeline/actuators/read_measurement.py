@@ -9,8 +9,6 @@ Commas, semicolons or tabs separate; numbers may have a decimal comma. Rows may 
 have signs: a row is one of driving where they agree, of braking where they do not, and braking rows are left out.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

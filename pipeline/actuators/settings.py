@@ -1,7 +1,5 @@
 """Thresholds of actuator calibration; values and sources are in `data/actuators.yaml`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

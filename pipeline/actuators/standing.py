@@ -4,8 +4,6 @@ An explicit controller is unstable where the damping it is to give is large agai
 armature of the real gears the T1's stiff standing gains hold, with none they do not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -6,8 +6,6 @@ The knee of each sweep is the nominal limit of the motor's joints (`torque` and 
 `joints.csv`). That torque then falls in a line to 0 at 1.25 times the knee speed is an assumption.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import sys

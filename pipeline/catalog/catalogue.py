@@ -19,14 +19,7 @@ from pipeline.readers import ReadMotion, Source, read_motion, read_reference, re
 
 
 def catalogue_file(path: Path, name: str, source: Source, within: str, *, settings: CatalogSettings) -> Outcome:
-    """Read a source's file as the clip `name` and catalogue it. Raises FileError for what cannot or must not be read.
-
-    Args:
-        path: the file
-        name: name of its clip
-        source: the folder it belongs to, with licence and statements
-        within: path of the file in that folder
-    """
+    """Read a source's file, `within` its folder, as the clip `name` and catalogue it. Raises FileError."""
     refuse_outside_link(path, source.folder)
     statement = source.statement_of(path)
     read = read_motion(path, name, statement)
@@ -48,11 +41,7 @@ def catalogue_file(path: Path, name: str, source: Source, within: str, *, settin
 
 
 def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool = False) -> Outcome:
-    """The clip with a true rate and its numbers; no piece where the reader or the rate rejects it.
-
-    Args:
-        rate_is_stated: a person states the rate; physics may doubt it then, but not change it
-    """
+    """The clip at its true rate and its numbers; none if rejected. A stated rate may be doubted but is not changed."""
     corrected = correct(read, settings=settings, rate_is_stated=rate_is_stated)
     clip = corrected.clip
     measured = measure(clip, settings, corrected.person)

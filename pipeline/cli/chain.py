@@ -81,21 +81,10 @@ class Chain:
         motion = planar_motion(clip, windows.velocity_s, windows.facing_s, windows.bridge_s)
         return motion.speed[motion.valid]
 
-    @cached_property
-    def _catalog(self) -> CatalogSettings:
-        return self.project.settings("catalog.yaml", CatalogSettings)
-
-    @cached_property
-    def _curation(self) -> Curation:
-        return self.project.settings("curation.yaml", Curation)
-
-    @cached_property
-    def _repair(self) -> RepairSettings:
-        return self.project.settings("repair.yaml", RepairSettings)
-
-    @cached_property
-    def _retarget(self) -> RetargetSettings:
-        return self.project.settings("retarget.yaml", RetargetSettings)
+    _catalog = cached_property(lambda self: self.project.settings("catalog.yaml", CatalogSettings))
+    _curation = cached_property(lambda self: self.project.settings("curation.yaml", Curation))
+    _repair = cached_property(lambda self: self.project.settings("repair.yaml", RepairSettings))
+    _retarget = cached_property(lambda self: self.project.settings("retarget.yaml", RetargetSettings))
 
 
 def reason_line(reason: Reason) -> str:

@@ -7,6 +7,7 @@ from pipeline.batch.store import MOST_ASKINGS
 from pipeline.cli.arguments import Database, Export, Sources, Store
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
+from pipeline.curation_page.compare_databases import versions
 from pipeline.dataset_export import export_database
 from pipeline.dataset_export.export import CARD, LEROBOT
 from pipeline.errors import FileError, PipelineError
@@ -32,13 +33,10 @@ def database(args: Database) -> int:
     if args.action == "summary":
         print(summary(folder, args.robot))
         return 0
-    versions = history.read_versions(folder)
-    try:
-        versions.insert(0, history.describe(folder, "current"))
-    except FileError:
+    rows = [[each.name, each.clips, each.seconds] for each in versions(folder)]
+    if [name for name, *_ in rows[:1]] != ["current"]:
         print(f"{folder}: no database is in place")
-    if versions:
-        rows = [[each.name, each.clips, each.seconds] for each in versions]
+    if rows:
         print(text_table(["version", "clips", "seconds"], rows))
     return 0
 

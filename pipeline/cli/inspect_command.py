@@ -1,9 +1,6 @@
 """`booster-lab inspect IN`: what a motion file is and what is wrong with it; KP5's verdict on a clip."""
 
-import dataclasses
 import json
-import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,81 +21,43 @@ from pipeline.readers.read_motion import SUFFIXES
 WINDOW_NUMBERS = ("skill", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Inspection:
-    """One file, all its facts and every reason. The fields are the keys of `--json`."""
+def inspect_file(chain: Chain, path: Path, stated: Statement) -> dict[str, Any]:
+    """Read, catalogue, cut in windows and repair one file: all its facts and every reason, as `--json` shows them.
 
-    file: str
-    kind: str
-    """`human` or `robot`."""
-    format: str
-    skeleton: str
-    """Name of the skeleton map, or of the robot."""
-    unit: str | None
-    """Unit of length of the file."""
-    up_axis: str | None
-    licence: str | None
-    declared_fps: float | None
-    """Frames per second as the file says [Hz]."""
-    fps: float
-    """Frames per second that the motion is taken to have [Hz]."""
-    frames: int
-    seconds: float
-    leg_length: float | None
-    """Thigh plus shank [m]; None for a robot."""
-    speed_mean: float | None
-    """Horizontal speed of the root [m/s]; None where too little was recorded to tell it."""
-    speed_max: float | None
-    usable_seconds: float
-    """What is left after repair [s]."""
-    usable_pieces: int
-    windows: list[dict[str, Any]]
-    """Windows of one skill: `start_s, stop_s, skill, forward_m_s, lateral_m_s, yaw_rate_rad_s`."""
-    reasons: list[dict[str, Any]]
-    """`stage, code, text, effect` (`rejected`, `repaired`, `noted`) and, where known, `start_s, stop_s, value,
-    limit, unit`."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON types; what is not finite is None."""
-        return without_nan(dataclasses.asdict(self))
-
-
-def inspect_file(chain: Chain, path: Path, stated: Statement) -> Inspection:
-    """Read, catalogue, cut in windows and repair one file, all reasons gathered. Raises FileError."""
+    Numbers are None where they are not known: `speed_*` [m/s] where too little was recorded, `leg_length` (thigh plus
+    shank [m]) of a robot. `fps` is the true rate [Hz]; `usable_*` is what is left after repair; `reasons` have `stage,
+    code, text, effect` (`rejected`, `repaired`, `noted`) and, where known, `start_s, stop_s, value, limit, unit`.
+    Raises FileError.
+    """
     read = chain.read(path, stated)
     catalogued = chain.catalogued(read)
     reasons = [{"stage": "catalogue", **reason.to_dict()} for reason in catalogued.reasons]
     windows: list[dict[str, Any]] = []
-    usable_s, pieces = 0.0, 0
+    repaired = Outcome()
     clip = catalogued.pieces[0].clip if catalogued.pieces else read.motion.clip
     for piece in catalogued.pieces[:1]:
         windows = _windows_inspection(chain.windows(piece), piece)
         repaired = chain.repaired(piece)
         reasons += [{"stage": "repair", **reason.to_dict()} for reason in repaired.reasons]
-        usable_s += sum(each.clip.duration_s for each in repaired.pieces)
-        pieces = len(repaired.pieces)
     speed = chain.speeds(clip)
-    leg = leg_length(clip) if isinstance(clip, HumanClip) else math.nan
-    return Inspection(
-        file=str(path),
-        kind="human" if isinstance(clip, HumanClip) else "robot",
-        format=read.motion.format,
-        skeleton=read.motion.skeleton,
-        unit=read.motion.unit,
-        up_axis=read.motion.up_axis,
-        licence=read.source.licence_of(read.path),
-        declared_fps=read.motion.declared_fps,
-        fps=clip.fps,
-        frames=clip.frame_count,
-        seconds=clip.duration_s,
-        leg_length=leg if math.isfinite(leg) else None,
-        speed_mean=float(speed.mean()) if len(speed) else None,
-        speed_max=float(speed.max()) if len(speed) else None,
-        usable_seconds=usable_s,
-        usable_pieces=pieces,
-        windows=windows,
-        reasons=reasons,
-    )
+    found = {
+        "file": str(path),
+        "kind": "human" if isinstance(clip, HumanClip) else "robot",
+        **{name: getattr(read.motion, name) for name in ("format", "skeleton", "unit", "up_axis")},
+        "licence": read.source.licence_of(read.path),
+        "declared_fps": read.motion.declared_fps,
+        "fps": clip.fps,
+        "frames": clip.frame_count,
+        "seconds": clip.duration_s,
+        "leg_length": leg_length(clip) if isinstance(clip, HumanClip) else None,
+        "speed_mean": float(speed.mean()) if len(speed) else None,
+        "speed_max": float(speed.max()) if len(speed) else None,
+        "usable_seconds": sum((each.clip.duration_s for each in repaired.pieces), 0.0),
+        "usable_pieces": len(repaired.pieces),
+        "windows": windows,
+        "reasons": reasons,
+    }
+    return without_nan(found)
 
 
 def _windows_inspection(selected: Outcome, whole: Piece) -> list[dict[str, Any]]:
@@ -129,7 +88,7 @@ def run(args: Inspect) -> int:
         folder(args.input, chain, stated, args.json)
         return 0
     found = inspect_file(chain, args.input, stated)
-    print(_json(found.to_dict()) if args.json else as_text(found))
+    print(_json(found) if args.json else as_text(found))
     return 0
 
 
@@ -155,11 +114,10 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
             values.append({"file": str(file), "error": str(error)})
             rows.append([within, None, None, None, None, None, 0.0, str(error).removeprefix(f"{file}: ")])
             continue
-        values.append(found.to_dict())
-        wrong = [reason["code"] for reason in found.reasons]
-        what = ", ".join(dict.fromkeys(wrong)) or "nothing"
-        sure = (found.format, found.skeleton, found.fps, found.seconds, found.speed_mean, found.usable_seconds)
-        rows.append([within, *sure, what])
+        values.append(found)
+        what = ", ".join(dict.fromkeys(reason["code"] for reason in found["reasons"])) or "nothing"
+        shown = ("format", "skeleton", "fps", "seconds", "speed_mean", "usable_seconds")
+        rows.append([within, *(found[name] for name in shown), what])
     header = ["file", "format", "skeleton", "rate [Hz]", "in [s]", "speed [m/s]", "usable [s]", "found"]
     if as_json and listing.unread:
         values.append({"folder": str(path), "not_read": dict(listing.unread), "note": listing.unread_text()})
@@ -168,49 +126,30 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
         print(f"\n{listing.unread_text()}")
 
 
-def as_text(found: Inspection) -> str:
+def as_text(found: dict[str, Any]) -> str:
     """Everything about one file, for a person."""
-    pieces = "1 piece" if found.usable_pieces == 1 else f"{found.usable_pieces} pieces"
-    declared = "not declared" if found.declared_fps is None else f"{found.declared_fps:.6g} Hz"
+    pieces = "1 piece" if found["usable_pieces"] == 1 else f"{found['usable_pieces']} pieces"
+    declared, leg, mean = found["declared_fps"], found["leg_length"], found["speed_mean"]
     facts = {
-        "file": found.file,
-        "format": found.format,
-        "skeleton": found.skeleton,
-        "unit": found.unit,
-        "up axis": found.up_axis,
-        "licence": found.licence,
-        "declared rate": declared,
-        "true rate": f"{found.fps:.6g} Hz",
-        "length": f"{found.seconds:.2f} s, {found.frames} frames",
-        "leg length": None if found.leg_length is None else f"{found.leg_length:.3f} m (thigh and shank)",
-        "speed": _speed(found),
-        "usable": f"{found.usable_seconds:.2f} s in {pieces}",
+        **{
+            name.replace("_", " "): found[name] for name in ("file", "format", "skeleton", "unit", "up_axis", "licence")
+        },
+        "declared rate": "not declared" if declared is None else f"{declared:.6g} Hz",
+        "true rate": f"{found['fps']:.6g} Hz",
+        "length": f"{found['seconds']:.2f} s, {found['frames']} frames",
+        "leg length": None if leg is None else f"{leg:.3f} m (thigh and shank)",
+        "speed": "not known, too little was recorded"
+        if mean is None
+        else f"mean {mean:.2f} m/s, highest {found['speed_max']:.2f} m/s",
+        "usable": f"{found['usable_seconds']:.2f} s in {pieces}",
     }
-    findings = f"found\n{_reasons(found)}" if found.reasons else "found: nothing wrong"
-    return "\n\n".join([name_values(facts), f"windows of one skill\n{_windows(found)}", findings])
-
-
-def _speed(found: Inspection) -> str:
-    if found.speed_mean is None or found.speed_max is None:
-        return "not known, too little was recorded"
-    return f"mean {found.speed_mean:.2f} m/s, highest {found.speed_max:.2f} m/s"
-
-
-def _windows(found: Inspection) -> str:
     header = ["from [s]", "to [s]", "skill", "forward [m/s]", "left [m/s]", "turning left [rad/s]"]
-    rows = [
-        [w["start_s"], w["stop_s"], w["skill"], w["forward_m_s"], w["lateral_m_s"], w["yaw_rate_rad_s"]]
-        for w in found.windows
-    ]
-    return text_table(header, rows, indent="  ") if rows else "  none"
-
-
-def _reasons(found: Inspection) -> str:
-    rows = [
-        [reason["effect"], reason.get("start_s"), reason.get("stop_s"), reason["code"], reason["text"]]
-        for reason in found.reasons
-    ]
-    return text_table(["effect", "from [s]", "to [s]", "reason", "what"], rows, indent="  ")
+    rows = [[window[name] for name in ("start_s", "stop_s", *WINDOW_NUMBERS)] for window in found["windows"]]
+    windows = text_table(header, rows, indent="  ") if rows else "  none"
+    header = ["effect", "from [s]", "to [s]", "reason", "what"]
+    rows = [[each.get(name) for name in ("effect", "start_s", "stop_s", "code", "text")] for each in found["reasons"]]
+    findings = f"found\n{text_table(header, rows, indent='  ')}" if rows else "found: nothing wrong"
+    return "\n\n".join([name_values(facts), f"windows of one skill\n{windows}", findings])
 
 
 def _json(value: Any) -> str:

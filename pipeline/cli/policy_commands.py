@@ -1,13 +1,13 @@
 """`booster-lab validate` and `cross-engine`: does a policy follow commands in MuJoCo, and in other physics engines?
 
-The exit code is the verdict.
+The exit code is the verdict. `booster-lab play`: it walks in the browser, commanded by sliders and keys, or in a film.
 """
 
 import dataclasses
 from pathlib import Path
 
 from pipeline.batch.reporting_pool import ReportingPool
-from pipeline.cli.policy_arguments import CrossEngine, Validate
+from pipeline.cli.policy_arguments import CrossEngine, Play, Validate
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
@@ -129,3 +129,19 @@ def _rows(found: CrossEngineResult) -> list[list[str]]:
         for cell in found.cells
         for engine in cell.figures
     ]
+
+
+def play(args: Play) -> int:
+    """Walk until interrupted, or write the film."""
+    from pipeline.viewing.film import Walk, record_walk
+    from pipeline.viewing.play_page import PlayPage
+
+    one = deployed_policy(robot_folder(find_project(), args.robot), args.policy, args.ankle_kd)
+    if args.record is not None:
+        walk = Walk(
+            command=args.command, seconds=args.seconds, push=args.push, terrain=args.terrain, friction=args.friction
+        )
+        print(record_walk(args.record, one, walk))
+        return 0
+    PlayPage(one, args.policy.name, port=args.port).serve(str(args.policy), browser=not args.no_browser)
+    return 0

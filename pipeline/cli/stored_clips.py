@@ -4,11 +4,9 @@ import dataclasses
 import difflib
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.batch import Store
 from pipeline.cli.project import Project
 from pipeline.cli.text_table import text_table
 from pipeline.clips.robot_clip import RobotClip
@@ -32,61 +30,53 @@ NUMBERS = ("skill", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "
 """Numbers that are shown, where a clip has them."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _StoredClips:
-    """All clips of a robot's manifests by name, the latest state of each."""
-
-    store: Store
-    sources: MotionSources
-    reasons: dict[str, list[dict[str, Any]]]
-    """Clip -> reasons of the stages that took it in."""
-
-    def source(self, name: str) -> MotionSource:
-        """Where the motions of a clip are."""
-        entry = self.sources.robot.get(name) or self.sources.human.get(name)
-        return self.sources.of(ClipRow(clip=name, stage="", verdict="", numbers=entry.numbers if entry else {}))
-
-    def load(self, name: str, robot: Robot) -> Shown:
-        entry = self.sources.robot.get(name) or self.sources.human[name]
-        text = _text(entry.numbers, self.reasons.get(name, []))
-        return dataclasses.replace(self.source(name).load(self.store, robot), text=text)
-
-
 def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     """The clip of that name and all that was made from it (`name@…`, `name+…`, `name~…`, `name/…`).
 
     A recording that is no robot clip itself is shown as the robot clips made from it.
     Raises PipelineError with the names that come near, or with the command that makes clips.
     """
-    shelf = _shelf(project.store, robot.name)
-    human, machine = shelf.sources.human, shelf.sources.robot
-    known = sorted({*human, *machine})
+    table = read_table(project.store, robot.name)
+    sources = MotionSources(table, pieces=True)
+    known = sorted({*sources.human, *sources.robot})
     if not known:
         do = "dagster asset materialize --select expert_db"
         raise PipelineError(f"'{text}' is no file, and the store has no clips yet; make them with: {do}")
     stem = text.rstrip(MARKS)
     found = [name for name in known if name == stem or any(name.startswith(stem + mark) for mark in MARKS)]
     if not found:
-        near = difflib.get_close_matches(text, known, n=5, cutoff=0.3) or known[:5]
-        raise PipelineError(f"'{text}' is neither a file nor a clip of the store; near it are: {', '.join(near)}")
-    made = [name for name in found if name in machine and "~" not in name]
-    names = [stem] if stem in machine else (made or found)[:MOST_NAMES]
+        raise PipelineError(f"'{text}' is neither a file nor a clip of the store; near it are: {_near(text, known)}")
+    made = [name for name in found if name in sources.robot and "~" not in name]
+    names = [stem] if stem in sources.robot else (made or found)[:MOST_NAMES]
     beside = [name for name in found if name not in set(names)][:MOST_NAMES]
-    return Playlist(names=tuple(names), beside=tuple(beside), load=lambda name: shelf.load(name, robot))
+
+    def load(name: str) -> Shown:
+        rows = [row for manifest in table.manifests.values() for row in manifest.judged if row.clip == name]
+        facts = _text(_numbers(sources, name), [reason for row in rows for reason in row.reasons])
+        return dataclasses.replace(_source(sources, name).load(project.store, robot), text=facts)
+
+    return Playlist(names=tuple(names), beside=tuple(beside), load=load)
 
 
 def reference_of(project: Project, rollout: RobotClip, robot: Robot) -> RobotClip | None:
     """The frames that a rollout of the database tracked; None for another clip, or where the store lacks them."""
-    return _shelf(project.store, robot.name).source(rollout.name).load_reference(project.store, rollout)
+    sources = MotionSources(read_table(project.store, robot.name), pieces=True)
+    return _source(sources, rollout.name).load_reference(project.store, rollout)
 
 
-def _shelf(store: Store, robot: str) -> _StoredClips:
-    table = read_table(store, robot)
-    reasons: dict[str, list[dict[str, Any]]] = {}
-    for manifest in table.manifests.values():
-        for row in manifest.judged:
-            reasons.setdefault(row.clip, []).extend(row.reasons)
-    return _StoredClips(store=store, sources=MotionSources(table, pieces=True), reasons=reasons)
+def _source(sources: MotionSources, name: str) -> MotionSource:
+    """Where the motions of a clip are, in its latest state."""
+    return sources.of(ClipRow(clip=name, stage="", verdict="", numbers=_numbers(sources, name)))
+
+
+def _numbers(sources: MotionSources, name: str) -> dict[str, Any]:
+    entry = sources.robot.get(name) or sources.human.get(name)
+    return entry.numbers if entry else {}
+
+
+def _near(name: str, names: Sequence[str]) -> str:
+    """Names that come near, or the first ones."""
+    return ", ".join(difflib.get_close_matches(name, names, n=5, cutoff=0.3) or names[:5])
 
 
 def _text(numbers: dict[str, Any], reasons: list[dict[str, Any]]) -> str:
@@ -115,8 +105,7 @@ def judged(project: Project, name: str, robot: str) -> list[Row]:
     made = [row for row in rows if any(row["clip"].startswith(stem + mark) for mark in MARKS)]
     if not made:
         names = sorted({row[column] for row in rows for column in ("clip", "piece")} - {""})
-        near = difflib.get_close_matches(name, names, n=5, cutoff=0.3) or names[:5]
-        raise PipelineError(f"'{name}' is neither a file nor a clip that was judged; near it are: {', '.join(near)}")
+        raise PipelineError(f"'{name}' is neither a file nor a clip that was judged; near it are: {_near(name, names)}")
     return made
 
 

@@ -1,11 +1,13 @@
 """`booster-lab view CLIP`: human, reference and robot side by side, playing in a browser or as a picture.
 
-A clip is one of a motion file, of the store's manifests or of the database.
+A clip is one of a motion file, of the store's manifests or of the database. `booster-lab curate`: the curator's page.
 """
 
+import contextlib
+import webbrowser
 from pathlib import Path
 
-from pipeline.cli.arguments import View
+from pipeline.cli.arguments import Curate, View
 from pipeline.cli.chain import Chain, reason_line
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.stored_clips import reference_of, stored_clips
@@ -120,3 +122,18 @@ def picture(clips: Playlist, robot: Robot, count: int) -> bytes:
         Strip(title=each.name, human=each.human, reference=each.reference, robot_clip=each.robot_clip) for each in shown
     ]
     return worst_clips_sheet(strips, robot, count)
+
+
+def curate(args: Curate) -> int:
+    """Serve the curator's page to this machine's browser until interrupted."""
+    from pipeline.curation_page.app import CurationServer
+
+    project = find_project()
+    project.robot_folder(args.robot)
+    server = CurationServer(project.root, args.robot, args.port)
+    print(f"{server.url}\nshows the clips of {project.root}; stop with Ctrl-C", flush=True)
+    if not args.no_browser:
+        webbrowser.open(server.url)
+    with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+        server.run()
+    return 0

@@ -54,10 +54,7 @@ class Piece:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Result of a stage on one clip: none, one or several pieces go on.
-
-    `numbers` describe the input as a whole, also where nothing is kept.
-    """
+    """Result of a stage on one clip: none, one or several pieces, and numbers of the input even where none is kept."""
 
     pieces: tuple[Piece, ...] = ()
     reasons: tuple[Reason, ...] = ()

@@ -6,6 +6,7 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -89,11 +90,13 @@ def make_app(workplace: Workplace, token: str) -> Guard:
     routes = [
         Route("/", _index),
         *(Route(path, _release(workplace)) for path in ("/release", "/release/{robot}")),
-        Route("/api/clips", _binary(lambda _: workplace.clips(), "application/json")),
-        Route("/api/motion", _binary(lambda query: workplace.motion(_text(query, "name")), "application/octet-stream")),
-        Route("/thumbnails/{key}", _thumbnail(workplace)),
-        *(Route(f"/api/{name}", _read(function)) for name, function in reads.items()),
-        *(Route(f"/api/{name}", _change(function), methods=["POST"]) for name, function in changes.items()),
+        Route("/api/clips", _answered(lambda *_: _bytes(workplace.clips(), "application/json"))),
+        Route(
+            "/api/motion", _answered(lambda request, _: _bytes(workplace.motion(_text(request.query_params, "name"))))
+        ),
+        Route("/thumbnails/{key}", _answered(partial(_thumbnail, workplace))),
+        *(Route(f"/api/{name}", _answered(partial(_read, function))) for name, function in reads.items()),
+        *(Route(f"/api/{name}", _answered(partial(_change, each)), methods=["POST"]) for name, each in changes.items()),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
     return Guard(Starlette(routes=routes, lifespan=life), token)
@@ -117,61 +120,47 @@ def _release(workplace: Workplace) -> Callable[[Request], Any]:
     return answer
 
 
-def _read(function: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
-    async def answer(request: Request) -> Response:
-        return await _answered(lambda: JSONResponse(without_nan(function(request.query_params)), headers=NOT_KEPT))
+def _answered(work: Callable[[Request, bytes], Response]) -> Callable[[Request], Any]:
+    """A route: what `work` makes of a request and its body, in a thread; an error of the project becomes a sentence."""
 
-    return answer
-
-
-def _binary(function: Callable[[Mapping[str, Any]], bytes], media: str) -> Callable[[Request], Any]:
-    async def answer(request: Request) -> Response:
-        return await _answered(lambda: Response(function(request.query_params), media_type=media, headers=NOT_KEPT))
-
-    return answer
-
-
-def _thumbnail(workplace: Workplace) -> Callable[[Request], Any]:
-    def found(key: str) -> Response:
-        data = workplace.thumbnail(key) if KEY.fullmatch(key) else None
-        if data is None:
-            return JSONResponse({"error": "there is no such thumbnail"}, status_code=404)
-        return Response(data, media_type="application/octet-stream", headers=FOR_EVER if data else NOT_KEPT)
-
-    async def answer(request: Request) -> Response:
-        return await _answered(lambda: found(request.path_params["key"]))
-
-    return answer
-
-
-def _change(function: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
     async def answer(request: Request) -> Response:
         body = await request.body()
-
-        def done() -> Response:
-            try:
-                value = json.loads(body)
-            except (ValueError, RecursionError) as error:
-                raise RequestError("the request is no JSON") from error
-            if not isinstance(value, dict):
-                raise RequestError("the request is no JSON object")
-            return JSONResponse({"done": function(value)}, headers=NOT_KEPT)
-
-        return await _answered(done)
+        try:
+            return await run_in_threadpool(work, request, body)
+        except (UnknownNameError, NoClipError) as error:
+            return JSONResponse({"error": str(error)}, status_code=404)
+        except PipelineError as error:
+            return JSONResponse({"error": str(error)}, status_code=400)
+        except OSError as error:
+            return JSONResponse({"error": f"the disk refused: {error}"}, status_code=500)
 
     return answer
 
 
-async def _answered(work: Callable[[], Response]) -> Response:
-    """The answer that `work` makes in a thread; an error of the project becomes one sentence."""
+def _bytes(data: bytes, media: str = "application/octet-stream") -> Response:
+    return Response(data, media_type=media, headers=NOT_KEPT)
+
+
+def _read(function: Callable[[Mapping[str, Any]], Any], request: Request, _: bytes) -> Response:
+    return JSONResponse(without_nan(function(request.query_params)), headers=NOT_KEPT)
+
+
+def _thumbnail(workplace: Workplace, request: Request, _: bytes) -> Response:
+    key = request.path_params["key"]
+    data = workplace.thumbnail(key) if KEY.fullmatch(key) else None
+    if data is None:
+        return JSONResponse({"error": "there is no such thumbnail"}, status_code=404)
+    return Response(data, media_type="application/octet-stream", headers=FOR_EVER if data else NOT_KEPT)
+
+
+def _change(function: Callable[[Mapping[str, Any]], Any], _: Request, body: bytes) -> Response:
     try:
-        return await run_in_threadpool(work)
-    except (UnknownNameError, NoClipError) as error:
-        return JSONResponse({"error": str(error)}, status_code=404)
-    except PipelineError as error:
-        return JSONResponse({"error": str(error)}, status_code=400)
-    except OSError as error:
-        return JSONResponse({"error": f"the disk refused: {error}"}, status_code=500)
+        value = json.loads(body)
+    except (ValueError, RecursionError) as error:
+        raise RequestError("the request is no JSON") from error
+    if not isinstance(value, dict):
+        raise RequestError("the request is no JSON object")
+    return JSONResponse({"done": function(value)}, headers=NOT_KEPT)
 
 
 def _text(value: Mapping[str, Any], name: str) -> str:

@@ -34,7 +34,7 @@ def clip_details(
         "clip": row.clip,
         "stage": row.stage,
         "verdict": row.verdict,
-        "numbers": {name: value for name, value in sorted(row.numbers.items()) if _is_shown(value)},
+        "numbers": {name: value for name, value in sorted(row.numbers.items()) if not str(value).startswith("[[")},
         "reasons": [dict(reason) for reason in row.reasons],
         "pieces": _pieces(table.manifests.get(row.stage), row),
         "criteria": _criteria(criteria, row),
@@ -44,10 +44,6 @@ def clip_details(
         "starts_s": _starts_s(row),
         "decisions": [vars(each) for each in decisions if each.clip in {*_names(row), *row.pieces}],
     }
-
-
-def _is_shown(value: Any) -> bool:
-    return not (isinstance(value, str) and value.startswith("[["))
 
 
 def _names(row: ClipRow) -> list[str]:
@@ -151,24 +147,9 @@ def _answer(change: Change, approved: tuple[Change, ...], declined: tuple[Change
 
 def _change(change: Change, answer: str) -> dict[str, Any]:
     return {
-        "section": change.section,
-        "robot": change.robot,
-        "what": change.what,
-        "before": change.before,
-        "value": change.value,
-        "bound": change.bound,
+        **{name: getattr(change, name) for name in ("section", "robot", "what", "before", "value", "bound")},
         "counted": change.counted(),
         "demonstration": is_demonstration(change),
         "answer": answer,
-        "evidence": [
-            {
-                "trial": each.trial,
-                "log": each.log,
-                "sha256": each.sha256,
-                "policy": each.policy,
-                "simulated": each.simulated,
-                "text": each.said,
-            }
-            for each in change.witnesses
-        ],
+        "evidence": [{**vars(each), "text": each.said} for each in change.witnesses],
     }

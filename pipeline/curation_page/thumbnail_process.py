@@ -43,14 +43,6 @@ class ThumbnailProcess:
         if self._process.stdin is not None:
             self._process.stdin.close()
 
-    def ended(self, seconds: float) -> bool:
-        """Whether it ends within a time [s]."""
-        try:
-            self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            return False
-        return True
-
     def _follow(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:

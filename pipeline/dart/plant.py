@@ -15,11 +15,7 @@ from pipeline.simulation.plant import Plant, PlantState, standing_state
 
 
 def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:
-    """Skeleton with a floating root. Self-collision is as in MuJoCo: not between parent and child.
-
-    Joint position limits are enforced. Speed and torque limits are not: they are the motors' and applied before the
-    plant.
-    """
+    """Skeleton with a floating root, MuJoCo's self-collision and position limits; the motors limit speed and torque."""
     loader = dart.utils.DartLoader()
     skeleton = loader.parseSkeletonString(dynamics_urdf(robot), dart.common.Uri(""))
     skeleton.enableSelfCollisionCheck()
@@ -74,13 +70,7 @@ def dynamics_urdf(robot: Robot) -> str:
 
 
 class DartPlant(Plant):
-    """DART's rigid bodies with hard contacts: a boxed linear complementarity problem, Dantzig's method.
-
-    Args:
-        robot: the robot; its armature goes to the links (`added_moments`)
-        timestep_s: [s]
-        friction: coefficient between all shapes
-    """
+    """DART's rigid bodies with hard contacts: a boxed linear complementarity problem, Dantzig's method."""
 
     def __init__(self, robot: Robot, timestep_s: float = 0.005, friction: float = 1.0):
         self.robot, self.timestep_s, self.friction = robot, timestep_s, friction
@@ -143,10 +133,7 @@ class DartPlant(Plant):
         self._world.step()
 
     def foot_wrench_w(self) -> Float[np.ndarray, "2 6"]:
-        """Force [N] and moment about the foot links' origins [N m] on the left and right foot in the last step.
-
-        Includes every contact of the feet, not only the ground.
-        """
+        """Force [N] and moment about the foot links' origins [N m] on both feet in the last step, of all contacts."""
         wrench = np.zeros((2, 6))
         origins = [np.array(body.getWorldTransform().translation()).reshape(3) for body in self._feet]
         for side, point, force in self._foot_contacts():

@@ -83,13 +83,6 @@ TIME, FRAME = "time", "frame"
 """Timelines: seconds from the first frame, and the number of the frame."""
 
 
-class NotInstalledError(PipelineError):
-    """A package of an optional extra is missing."""
-
-    def __init__(self, package: str, extra: str):
-        super().__init__(f"The package {package} is not installed. Run: pip install 'booster-lab[{extra}]'")
-
-
 def write_rerun(path: Path, clip: RobotClip, robot: Robot) -> None:
     """Write a recording.
 
@@ -98,12 +91,13 @@ def write_rerun(path: Path, clip: RobotClip, robot: Robot) -> None:
     joint_pos/<joint>  Scalars [rad]
     joint_vel/<joint>  Scalars [rad/s]
 
-    The same clip has the same recording id; row ids in the file are of the time of writing. Raises NotInstalledError.
+    The same clip has the same recording id; row ids in the file are of the time of writing. Raises PipelineError.
     """
     try:
         import rerun as rr
     except ImportError as error:
-        raise NotInstalledError("rerun-sdk", "export") from error
+        problem = "The package rerun-sdk is not installed. Run: pip install 'booster-lab[export]'"
+        raise PipelineError(problem) from error
     poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     order = np.arange(clip.frame_count)
     indexes = [rr.TimeColumn(TIME, duration=order / clip.fps), rr.TimeColumn(FRAME, sequence=order)]
@@ -145,14 +139,8 @@ def export_database(
 ) -> int:
     """Write the clips of a database, or those of some skills, into the folder `out`; how many.
 
-    Args:
-        kind: one of `FORMATS`
-        robots: the robot of a name
-        skills: clips of these alone; of all where none is named
-        naming: a column of the robot's aliases.csv that the joints are called by; None for the robot's own names
-
-    Raises DatabaseError for a database that is not whole, UnknownNameError for a skill that it does not have, and
-    NotInstalledError where a format needs a package that is not there.
+    `kind` is one of `FORMATS`; `naming` a column of the robot's aliases.csv that joints are called by. Raises
+    DatabaseError for a database that is not whole, UnknownNameError for a skill, PipelineError for a missing package.
     """
     contents = check_database(database)
     known = sorted(set(contents.index["skill"]))

@@ -59,10 +59,7 @@ class Figures:
 
 
 def write_lerobot(folder: Path, clips: Iterable[tuple[RobotClip, str]], file_mb: float = FILE_MB) -> int:
-    """Write clips, each with its skill, as one data set into an empty or new folder; the number of episodes.
-
-    All clips are of one robot and have one rate. Frames are written clip by clip: memory is that of one clip.
-    """
+    """Write clips of one robot and rate, each with its skill, into an empty or new folder, one by one; their number."""
     writer: pq.ParquetWriter | None = None
     episodes: list[dict[str, Any]] = []
     tasks: dict[str, int] = {}

@@ -17,16 +17,10 @@ def frame(
     joint_vel: Float[np.ndarray, " j"],
     last_action: Float[np.ndarray, " a"],
 ) -> Float[np.ndarray, " f"]:
-    """One frame: gyro, gravity, command, q - q0, dq, last action; joints in the policy's order.
+    """One frame: gyro (of the root in its frame) [rad/s], gravity's direction in it (unit), command [m/s, m/s, rad/s],
+    q - q0 [rad], dq [rad/s], last action.
 
-    Args:
-        task: joints and default pose
-        gyro_b: angular velocity of the root in its frame [rad/s]
-        gravity_b: direction of gravity in the root's frame, unit
-        command: forward and lateral velocity [m/s], yaw rate [rad/s]
-        joint_pos: positions of the robot's joints, in its order [rad]
-        joint_vel: their velocities [rad/s]
-        last_action: of the control step before, in the policy's order; zeros at the start
+    Positions and speeds come in the robot's order, the last action in the policy's, as all joints of the frame.
     """
     index = task.policy_index
     away = joint_pos[index] - task.default_joint_pos[index]
@@ -65,10 +59,7 @@ class PolicyMisfitError(PipelineError):
 
 
 class PolicyController:
-    """Keeps the history and the last action. Use one instance per rollout, called at `control_hz`.
-
-    Raises PolicyMisfitError if the sizes of policy and task differ.
-    """
+    """Keeps history and last action of one rollout, called at `control_hz`. Raises PolicyMisfitError."""
 
     def __init__(self, task: DeploymentTask, policy: Policy):
         if (policy.observation_size, policy.action_size) != (task.observation_size, len(task.policy_joints)):

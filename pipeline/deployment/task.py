@@ -77,10 +77,7 @@ def deployment_task(
 
 
 def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
-    """The task of a robot with the policy's own gains and default pose, else the robot's.
-
-    Raises UnknownNameError if the policy lacks a joint.
-    """
+    """The task with the policy's own gains and default pose, else the robot's. Raises UnknownNameError for a joint."""
     gains = policy.gains
     if gains is None:
         return deployment_task(robot)

@@ -1,7 +1,5 @@
 """Export a trained policy: `python -m pipeline.export RUN --robot t1 --name NAME --out DIR`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -9,8 +9,6 @@ The vendor's locomotion policy class reads the observation that ours is trained 
 that one side lacks stops the import.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

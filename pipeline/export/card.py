@@ -1,14 +1,12 @@
 """The model card: a policy's origin, training run, data, licence and files."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FileError
-from pipeline.files import atomic
+from pipeline.files import atomic, settings
 from pipeline.files import digest as digests
 from pipeline.files.shown_text import plain
 
@@ -21,7 +19,6 @@ SEAL = "sha256"
 """Key of the card's digest of itself."""
 MAX_BYTES = 5_000_000
 AGAIN = "Export the policy again."
-REQUIRED = ("name", "robot", "digest", "run", "data", "shippable", "why", "network", "parity", "task", "files")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +60,7 @@ def write_card(folder: Path, card: ModelCard) -> None:
 
 
 def read_card(folder: Path) -> ModelCard:
-    """The card of an export. Raises FileError if it is missing or incomplete."""
+    """The card of an export. Raises FileError where it is missing, changed or incomplete, or names files elsewhere."""
     path = folder / FILE
     if not path.is_file():
         raise FileError(path, "there is no exported policy here.", "Export one: python -m pipeline.export --help")
@@ -77,13 +74,11 @@ def read_card(folder: Path) -> ModelCard:
         raise FileError(path, f"is no card of schema {SCHEMA!r}.", "Export the policy again.")
     _check_seal(path, value)
     del value["schema"]
-    missing = [name for name in REQUIRED if name not in value]
-    unknown = sorted(set(value) - set(ModelCard.__dataclass_fields__))
-    if missing or unknown:
-        strange = ", ".join(unknown) or "nothing"
-        raise FileError(path, f"lacks {', '.join(missing) or 'nothing'}, has unknown {strange}.")
-    _check_types(path, value)
-    return ModelCard(**value)
+    card = settings.parse(ModelCard, value, path)
+    outside = [name for name in card.files if Path(name).is_absolute() or ".." in Path(name).parts]
+    if outside:
+        raise FileError(path, f"states files that are none of its folder: {', '.join(outside)}.", AGAIN)
+    return card
 
 
 def check_stated(path: Path) -> None:
@@ -106,17 +101,6 @@ def _check_seal(path: Path, value: dict[str, Any]) -> None:
         holds = False
     if not holds:
         raise FileError(path, "was changed: its content is not the one that its own digest states.", AGAIN)
-
-
-def _check_types(path: Path, value: dict[str, Any]) -> None:
-    """Every field of the kind that a card has, every file inside the folder. Raises FileError."""
-    kinds = {"name": str, "robot": str, "digest": str, "why": str, "shippable": bool}
-    wrong = [name for name, each in value.items() if not isinstance(each, kinds.get(name, dict))]
-    if wrong:
-        raise FileError(path, f"has a value of a wrong kind in {', '.join(sorted(wrong))}.", AGAIN)
-    outside = [name for name in value["files"] if Path(name).is_absolute() or ".." in Path(name).parts]
-    if outside or not all(isinstance(content, str) for content in value["files"].values()):
-        raise FileError(path, f"states files that are none of its folder: {', '.join(outside) or 'no digests'}.", AGAIN)
 
 
 def page(card: ModelCard) -> str:

@@ -10,8 +10,6 @@ booster_deploy/        derived: task folder for Booster's deployment program, wi
 A policy that ships with the project is stored compact, without the derived files; `complete_export` makes them.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 from collections.abc import Mapping

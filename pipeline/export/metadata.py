@@ -1,7 +1,5 @@
 """Task and metadata of an exported policy: joints, gains, default pose and rates."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -5,8 +5,6 @@ metadata, written node by node. TorchScript is the form that booster_deploy load
 again without what TorchScript notes of the sources it was compiled from (paths of the machine) and with fixed times.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import warnings

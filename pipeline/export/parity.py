@@ -4,8 +4,6 @@ Whoever writes the deployment again replays the sensor readings from the start a
 and targets. They are of the first second of a walk in simulation: the history fills and the command ramps up.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, fields
 from pathlib import Path

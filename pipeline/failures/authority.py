@@ -68,13 +68,8 @@ def outage_excuses(outages: Sequence[Failure]) -> list[Excuse]:
 
 def leg_joints(robot: Robot) -> frozenset[int]:
     """Indices of the joints between the root and the feet."""
-    joints: set[int] = set()
-    for foot in robot.feet:
-        link = int(robot.tree.site_link[robot.site(foot)])
-        while link > 0:
-            joints.add(int(robot.tree.joint[link]))
-            link = int(robot.tree.parent[link])
-    return frozenset(joint for joint in joints if joint >= 0)
+    feet = (int(robot.tree.site_link[robot.site(foot)]) for foot in robot.feet)
+    return frozenset(int(robot.tree.joint[link]) for foot in feet for link in robot.tree.chain(foot))
 
 
 def damped_after(signals: Signals, falls: Sequence[Failure], settings: AuthoritySettings) -> list[Failure]:

@@ -1,6 +1,6 @@
 """One thing that went wrong in a log: what, when, under which command, by which evidence, how surely."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 KINDS: tuple[str, ...] = (
@@ -66,13 +66,9 @@ class Failure:
         command = f"{forward:.2f} m/s, {lateral:.2f} m/s, {yaw:.2f} rad/s" if self.command_known else "not known"
         return f"{what} at {self.time_s:.2f} s, command {command} ({found}; confidence {self.confidence:.2f}{excuse})"
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {**asdict(self), "command": list(self.command)}
-
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "Failure":
-        """The failure that `to_dict` was called on."""
+        """The failure that `settings.plain` made this of."""
         return Failure(**{**value, "command": tuple(value["command"])})
 
 

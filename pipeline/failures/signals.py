@@ -157,11 +157,8 @@ def _feet(
     soles = kinematics.site_pos_w(poses, robot.feet)
     tree, support, legs = robot.tree, np.empty((len(quat), 2)), legs_of(robot)
     for side, foot in enumerate(robot.feet):
-        links, link = [], int(tree.site_link[robot.site(foot)])
-        while link > 0:
-            links.append(link)
-            link = int(tree.parent[link])
-        links = [link for link in links if int(tree.joint[link]) in legs.joints[side]]
+        chain = tree.chain(int(tree.site_link[robot.site(foot)]))
+        links = [link for link in chain if int(tree.joint[link]) in legs.joints[side]]
         axis = rotation.rotate(poses.quat_w[:, links], tree.axis[links])
         arm = soles[:, side, None] - poses.pos_w[:, links]
         rows = np.concatenate([np.cross(axis, arm), axis], axis=2)  # torque of force and moment at the sole

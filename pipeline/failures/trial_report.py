@@ -5,7 +5,7 @@ than what counts as a failure of a robot, and the simulation has quantities that
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from pipeline.failures.failure import Failure
@@ -50,18 +50,9 @@ class TrialReport:
         """Absolute time from the first sample to the end of the last one."""
         return None if self.start_ns is None else (self.start_ns, self.start_ns + round(self.seconds * 1e9))
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {
-            **asdict(self),
-            "commands": [list(each) for each in self.commands],
-            "failures": [each.to_dict() for each in self.failures],
-            "notes": list(self.notes),
-        }
-
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "TrialReport":
-        """The report that `to_dict` was called on."""
+        """The report that `settings.plain` made this of."""
         commands = tuple(tuple(each) for each in value["commands"])
         failures = tuple(Failure.from_dict(each) for each in value["failures"])
         return TrialReport(**{**value, "commands": commands, "failures": failures, "notes": tuple(value["notes"])})

@@ -6,7 +6,6 @@ section leaves the others as they are.
 """
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import yaml
 
 from pipeline.augment import AugmentSettings, Strengths
+from pipeline.batch import Manifest
 from pipeline.errors import PipelineError, SettingsError
 from pipeline.feedback.change import (
     SECTIONS,
@@ -173,7 +173,7 @@ def write_entries(path: Path, entries: Sequence[SectionApproval], *, head: str =
     for entry in entries:
         by = {"by": entry.by} if entry.by else {}
         facts = {"section": entry.section, "proposal": entry.proposal, **by, "digest": entry.digest}
-        rows.append({**facts, "changes": json.loads(json.dumps([each.to_dict() for each in entry.changes]))})
+        rows.append({**facts, "changes": settings.plain(entry.changes)})
     text = yaml.safe_dump({"approvals": rows}, sort_keys=False, allow_unicode=True, width=120)
     atomic.write_text(path, HEAD[head] + text)
 
@@ -186,14 +186,19 @@ def part_of(changes: Sequence[Change], section: str, robot: str | None) -> tuple
 
 def part_version(part: Sequence[Change]) -> str:
     """Content of a part: that of no change is a constant."""
-    return digest.of_json([each.to_dict() for each in part]) if part else EMPTY
+    return digest.of_json(settings.plain(part)) if part else EMPTY
 
 
 def lineage(part: Sequence[Change], section: str) -> dict[str, Any]:
     """The changes that took effect in a manifest, by digest: each with the logs that it rests on."""
     if not part:
         return {}
-    return {part_version(part): {"stage": f"{LINEAGE}{section}", "changes": [each.to_dict() for each in part]}}
+    return {part_version(part): {"stage": f"{LINEAGE}{section}", "changes": settings.plain(part)}}
+
+
+def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest:
+    """The manifest, and in it the changes that took effect with the logs that they rest on; as it is without any."""
+    return dataclasses.replace(manifest, settings={**manifest.settings, **lineage(part, section)})
 
 
 def heard(stages: Mapping[str, Any]) -> dict[str, str]:

@@ -13,7 +13,6 @@ compared with the rest and the shares that were reached are reported.
 """
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -168,10 +167,8 @@ def lowered(actuators: Sequence[JointActuator], changes: Sequence[Change]) -> tu
 def _lowered(actuator: JointActuator, change: Change) -> JointActuator:
     if change.value >= actuator.box_effort_limit:
         return dataclasses.replace(actuator, verdict=f"{actuator.verdict}; logs show no less")
-    line = {}
-    if not math.isnan(actuator.dc_motor_no_load_speed):
-        box = BoxLimits(box_effort_limit=change.value, box_velocity_limit=actuator.box_velocity_limit)
-        line = vars(dc_motor_line(box, actuator.dc_motor_no_load_speed))
+    box = BoxLimits(box_effort_limit=change.value, box_velocity_limit=actuator.box_velocity_limit)
+    line = dc_motor_line(box, actuator.dc_motor_no_load_speed)
     logs = ", ".join(sorted({each.log for each in change.witnesses}))
     verdict = f"{actuator.verdict}; torque lowered to what {logs} showed"
     return dataclasses.replace(actuator, box_effort_limit=change.value, verdict=verdict, **line)

@@ -1,13 +1,12 @@
 """A bounded change and the logs it rests on."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from pipeline.clips.outcome import SKILLS
 from pipeline.errors import PipelineError
 from pipeline.feedback.rules import BOTH, LESS, MORE, PERTURBATIONS, TIME_SCALE, FeedbackRules
-from pipeline.files import digest
+from pipeline.files import digest, settings
 
 SECTIONS: dict[str, str] = {
     "selection": "most seconds of a skill (more windows only where that bound cut some off), times",
@@ -101,14 +100,10 @@ class Change:
         alone = self.section == "motors" or counts == logs
         return f"{logs} log{'s' if logs > 1 else ''}{'' if alone else f' that count as {counts}'}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {**asdict(self), "witnesses": [asdict(each) for each in self.witnesses]}
-
 
 def proposal_digest(changes: Sequence[Change]) -> str:
     """Identifies a proposal; empty where there is nothing to propose."""
-    return digest.of_json([each.to_dict() for each in changes])[:DIGITS] if changes else ""
+    return digest.of_json(settings.plain(changes))[:DIGITS] if changes else ""
 
 
 def check_bounds(changes: Sequence[Change], rules: FeedbackRules) -> None:

@@ -41,7 +41,7 @@ def propose(
 
     `commands` names the cells of the command space as KP5 does, `skills` labels a command as KP1 labels a motion.
     """
-    trustworthy, silent = trusted(sorted(reports, key=_by_name), rules)
+    trustworthy, silent = trusted(sorted(reports, key=lambda report: (report.trial, report.file)), rules)
     heard, copies = recorded(trustworthy)
     silent += copies
     pairs = [(trial, failure) for trial in heard for failure in trial.report.failures if failure.of_policy]
@@ -64,10 +64,6 @@ def propose(
         changes += _ranges(own, rules)
     check_bounds(changes, rules)
     return Proposal(changes=tuple(changes), silent=tuple(silent))
-
-
-def _by_name(report: TrialReport) -> tuple[str, str]:
-    return report.trial, report.file
 
 
 def _cell_namer(commands: CommandSettings) -> NamedBy:
@@ -130,31 +126,22 @@ def _answered(failure: Failure, answer: Answer) -> bool:
 def _perturbation(kind: str, skill: str, way: str, group: Sequence[Pair], rules: FeedbackRules) -> Change:
     sign, without = -1.0 if way == LESS else 1.0, neutral(kind)
     rule = rules.augmentation[kind]
-    change = Change(
-        section="augmentation",
-        robot=group[0][0].report.robot,
-        what=f"{kind} of {skill}",
-        value=without,
-        before=without,
-        bound=round(without + sign * rule.most, 6),
-        witnesses=witnesses_of(group),
-    )
+    change = _change("augmentation", group, f"{kind} of {skill}", without, round(without + sign * rule.most, 6))
     return replace(change, value=round(without + sign * rule.amount(change.experiments), 6))
+
+
+def _change(section: str, group: Sequence[Pair], what: str, before: float, bound: float) -> Change:
+    """A change that rests on some failures and moves nothing yet."""
+    robot, witnesses = group[0][0].report.robot, witnesses_of(group)
+    facts = {"section": section, "robot": robot, "what": what, "bound": bound, "witnesses": witnesses}
+    return Change(value=before, before=before, **facts)
 
 
 def _moved(
     section: str, group: Sequence[Pair], what: str, rules: FeedbackRules, *, before: float, bound: float
 ) -> Change:
     """The change that goes as far from `before` as the rule lets this many experiments."""
-    change = Change(
-        section=section,
-        robot=group[0][0].report.robot,
-        what=what,
-        value=before,
-        before=before,
-        bound=bound,
-        witnesses=witnesses_of(group),
-    )
+    change = _change(section, group, what, before, bound)
     allowed = allowed_range(change, rules)
     assert allowed is not None
     furthest = max(allowed, key=lambda value: abs(value - before))
@@ -177,17 +164,8 @@ def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[
         if why:
             silent.append(f"{joint} gave {value:.1f} of {limit:g} N m and keeps its limit: {why}")
             continue
-        changes.append(
-            Change(
-                section="motors",
-                robot=group[0][0].report.robot,
-                what=joint,
-                value=round(value, 3),
-                before=limit,
-                bound=round(rule.lowest * limit, 3),
-                witnesses=witnesses_of(group),
-            )
-        )
+        change = _change("motors", group, joint, limit, round(rule.lowest * limit, 3))
+        changes.append(replace(change, value=round(value, 3)))
     return changes, silent
 
 

@@ -5,8 +5,7 @@ The twin is the robot as it is calibrated, so what differs is what the calibrati
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from pipeline.actuators.adapted_robot import JointActuator, torque_envelope
 from pipeline.deployment import Policy, PolicyController, policy_task
 from pipeline.failures.failure import Failure
 from pipeline.failures.settings import FailureSettings
-from pipeline.failures.signals import Signals, signals_of
+from pipeline.failures.signals import signals_of
 from pipeline.failures.tracking import steady_stretches
 from pipeline.failures.trial_report import TrialReport
 from pipeline.hardware_logs.trial import Trial
@@ -25,7 +24,7 @@ from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
 from pipeline.simulation.torque_envelope import PdControl
-from pipeline.validation.limit_cycles import PLANES, Comparison, JointSeries, NoCycleError, compare, limit_cycle
+from pipeline.validation.limit_cycles import PLANES, Comparison, NoCycleError, compare, leg_series, limit_cycle
 
 TIMESTEP_S = 0.002
 LONGEST_S = 14.0
@@ -51,17 +50,6 @@ class Twin:
     """The trial's leg joints compared with the simulation's."""
     notes: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {
-            **asdict(self),
-            "command": list(self.command),
-            "achieved": list(self.achieved),
-            "simulated": list(self.simulated),
-            "cycles": [asdict(each) for each in self.cycles],
-            "notes": list(self.notes),
-        }
-
 
 def twin_of(
     trial: Trial,
@@ -80,6 +68,7 @@ def twin_of(
     rollout = simulated(trial, robot, actuators, policy, float(signals.time_s[stop - 1]))
     forward, lateral, yaw = signals.command[start].tolist()
     start_s, stop_s = float(signals.time_s[start]), float(signals.time_s[stop - 1])
+    achieved = signals.velocity[start:stop].mean(axis=0).tolist()
     notes: list[str] = []
     cycles: tuple[Comparison, ...] = ()
     if not rollout.fell and float(np.hypot(forward, lateral)) >= WALKS_M_S:
@@ -88,7 +77,7 @@ def twin_of(
         command=(forward, lateral, yaw),
         start_s=start_s,
         stop_s=stop_s,
-        achieved=_achieved(signals, start, stop),
+        achieved=(*achieved, float(signals.yaw_rate[start:stop].mean())),
         simulated=velocity_of(rollout, start_s, stop_s),
         simulation_fell=rollout.fell,
         cycles=cycles,
@@ -126,11 +115,6 @@ def _sent(gains: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     return np.median(known, axis=0) if len(known) else np.array(otherwise)
 
 
-def _achieved(signals: Signals, start: int, stop: int) -> tuple[float, float, float]:
-    forward, lateral = signals.velocity[start:stop].mean(axis=0).tolist()
-    return forward, lateral, float(signals.yaw_rate[start:stop].mean())
-
-
 def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float, float, float]:
     """Mean velocity in the heading frame and yaw rate over a stretch, or as far as the walk went."""
     rate = 1.0 / rollout.timestep_s
@@ -141,27 +125,23 @@ def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float,
 
 def _cycles(trial: Trial, rollout: Rollout, start_s: float, stop_s: float, notes: list[str]) -> tuple[Comparison, ...]:
     found, legs = [], legs_of(rollout.robot)
-    rate_hz, times_s = 1.0 / rollout.timestep_s, slice(start_s, stop_s)
-    for side, joints in zip(SIDES, zip(legs.hip_pitch, legs.knee, strict=True), strict=True):
+    simulated = (1.0 / rollout.timestep_s, rollout.qpos[:, 7:], rollout.qvel[:, 6:])
+    logged = (trial.rate_hz, trial.joint_pos, trial.joint_vel)
+    for side, hip, knee in zip(SIDES, legs.hip_pitch, legs.knee, strict=True):
         try:
-            reference = _series(f"MuJoCo {side}", joints, rate_hz, rollout.qpos[:, 7:], rollout.qvel[:, 6:], times_s)
-            logged = _series(f"{trial.name} {side}", joints, trial.rate_hz, trial.joint_pos, trial.joint_vel, times_s)
-            found.append(compare(limit_cycle(reference), limit_cycle(logged)))
+            reference, own = (
+                limit_cycle(leg_series(f"{name} {side}", hip, knee, rate, *_between(rate, start_s, stop_s, *motion)))
+                for name, (rate, *motion) in (("MuJoCo", simulated), (trial.name, logged))
+            )
+            found.append(compare(reference, own))
         except NoCycleError as error:
             notes.append(str(error))
     return tuple(found)
 
 
-def _series(
-    name: str, joints: tuple[int, int], rate_hz: float, position: np.ndarray, velocity: np.ndarray, times_s: slice
-) -> JointSeries:
-    """Hip and knee between two times [s] of all joints' positions and velocities (t, j)."""
-    hip, knee = joints
-    kept = slice(round(times_s.start * rate_hz), round(times_s.stop * rate_hz))
-    q, dq = np.asarray(position[kept], dtype=float), np.asarray(velocity[kept], dtype=float)
-    return JointSeries(
-        name=name, rate_hz=float(rate_hz), hip=q[:, hip], knee=q[:, knee], hip_vel=dq[:, hip], knee_vel=dq[:, knee]
-    )
+def _between(rate_hz: float, start_s: float, stop_s: float, *arrays: np.ndarray) -> list[np.ndarray]:
+    """The samples of some arrays between two times [s]."""
+    return [array[round(start_s * rate_hz) : round(stop_s * rate_hz)] for array in arrays]
 
 
 def cycle_failures(twin: Twin, settings: FailureSettings) -> list[Failure]:

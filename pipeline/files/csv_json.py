@@ -71,11 +71,8 @@ MAX_JSON_BYTES = 50_000_000
 def read_json(path: Path, what: str = "JSON", do: str = "") -> Any:
     """The value of a file.
 
-    Raises FileError for a file that is missing, too large, nested too deeply or no JSON, as NaN and infinities are.
-
-    Args:
-        what: what the file has to be, for the sentence
-        do: what a person is to do about one that is not
+    Raises FileError for a file that is missing, too large, nested too deeply or no JSON, as NaN and infinities are; it
+    says that it has to be `what`, and what to `do`.
     """
     if not path.is_file():
         raise FileError(path, "the file does not exist.", do)

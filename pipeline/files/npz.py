@@ -57,10 +57,7 @@ class NpzHeader(ArrayFile):
     """Names of the arrays of numbers."""
 
     def stored(self, name: str) -> np.ndarray:
-        """One array as the archive stores it.
-
-        Raises FileError when it is missing, damaged or of objects; OSError for a fault of the disk.
-        """
+        """One array as stored. Raises FileError: missing, damaged or of objects; OSError for a fault of the disk."""
         if name in self.objects:
             raise FileError(self.path, f"'{name}' is an array of Python objects, which is never loaded.")
         if name not in self.shapes:

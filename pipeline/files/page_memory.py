@@ -33,10 +33,7 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
 
 
 def forget(array: np.ndarray, rows: int) -> None:
-    """Give back the memory of the first rows of an array made by `empty`, or of a contiguous part of one.
-
-    The rows read as zeros from then on. Any other array keeps its memory.
-    """
+    """Give back the memory of the first rows of an array made by `empty`, or of a part; they then read as zeros."""
     memory = _memory(array)
     if memory is None or not array.flags.c_contiguous or not array.size or not hasattr(mmap, "MADV_DONTNEED"):
         return

@@ -23,11 +23,7 @@ from pipeline.errors import PipelineError
 
 
 class RangeError(PipelineError, ValueError):
-    """Settings with values that they may not have.
-
-    Args:
-        faults: of each the key, counted from the object that holds it, and a sentence without the key
-    """
+    """Settings with values that they may not have; `faults` are keys below the object, each with a sentence."""
 
     def __init__(self, faults: list[tuple[str, str]]):
         self.faults = tuple(faults)
@@ -161,13 +157,7 @@ def check(*faults: list[tuple[str, str]]) -> None:
 
 
 def faults_of(error: ValidationError, kind: Any = None, skip: int = 0) -> list[tuple[str, str]]:
-    """Faults that pydantic found: the key, and a sentence without the key.
-
-    Args:
-        error: what pydantic raised
-        kind: type that was validated, for the keys that are allowed
-        skip: leading parts of each key that are left out
-    """
+    """Faults that pydantic found in a `kind`: the key, without `skip` leading parts, and a sentence without the key."""
     found = error.errors(include_url=False)
     return [fault for each in found for fault in _faults(each, kind, each["loc"][skip:])]
 

@@ -100,11 +100,7 @@ class Origin:
 
 
 def origins(entry: Any, where: str = "") -> dict[str, Origin]:
-    """Unit, source and reason of every number of a settings file, by its dotted name (`joints.limit_excess`).
-
-    Args:
-        entry: what `settings.read_yaml` gave, of a file that `settings.read` took
-    """
+    """Unit, source and reason of each number by its dotted name (`joints.limit_excess`), from `settings.read_yaml`."""
     if not isinstance(entry, dict):
         return {}
     if set(entry) == set(_KEYS):

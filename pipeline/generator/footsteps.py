@@ -80,10 +80,7 @@ class _Figures:
 
 
 def plan_steps(recipe: Recipe, commands: Commands) -> Stride:
-    """The footsteps along the commanded path.
-
-    Raises ValueError for a recipe that stands while running or continues before its last stop ends.
-    """
+    """Footsteps along the path. Raises ValueError where a recipe stands in a run or goes on before a stop ends."""
     if recipe.gait == gait.RUN and not commands.moving.all():
         raise ValueError(f"recipe '{recipe.name}': a run can't stand still.")
     command = (commands.forward, commands.lateral, commands.yaw_rate)
@@ -137,10 +134,7 @@ def _last_landing(phase: np.ndarray, figures: _Figures, start: int, stop: int) -
 def _stances(
     recipe: Recipe, commands: Commands, figures: _Figures, phase: np.ndarray, shift: float, rng: np.random.Generator
 ) -> tuple[Stance, ...]:
-    """Stances of the foot that lands `shift` strides after the left one.
-
-    Where a foot waits for a start or after a stop, a stance is as long as one without the wait.
-    """
+    """Stances of the foot that lands `shift` strides after the left one; a wait at its start or end does not count."""
     side = 1.0 if shift == 0.0 else -1.0
     stances = []
     for landing in np.arange(np.floor(phase[0]) + shift, phase[-1] + 1.0, 1.0):

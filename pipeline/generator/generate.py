@@ -27,10 +27,7 @@ class Generated:
 
 
 def generate(recipe: Recipe) -> Generated:
-    """The motion of a recipe. Pure and seeded: the same recipe gives the same bytes.
-
-    Raises ValueError for an infeasible recipe.
-    """
+    """The motion of a recipe: equal recipes give equal bytes. Raises ValueError for an infeasible recipe."""
     motion, contacts = make_motion(recipe)
     return Generated(clip=to_clip(recipe.name, motion, contacts), bvh=bvh.to_text(bvh.channels(motion), motion.fps))
 

@@ -1,7 +1,4 @@
-"""Rows of messages as the columns of a trial, with the values that topics hold between their messages.
-
-The command of each sample is the schedule's, the sticks' or the velocity that a message requests.
-"""
+"""Rows of messages as the columns of a trial, with the values that topics hold between their messages."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -43,11 +40,7 @@ def low_state_columns(rows: np.ndarray) -> Columns:
 
 
 def held_columns(topic: str, rows: np.ndarray, ankles: np.ndarray) -> Columns:
-    """Columns of another topic.
-
-    Args:
-        ankles: indices of the joints that a parallel command does not tell
-    """
+    """Columns of another topic; `ankles` are the indices of the joints that a parallel command does not tell."""
     if topic == "/joint_ctrl":
         motors = rows["motor_cmd"]
         names = {"target_pos": "q", "target_torque": "tau", "kp": "kp", "kd": "kd"}
@@ -96,11 +89,7 @@ class HeldTopic:
             self.add(np.array([time_ns], dtype=np.int64), nothing)
 
     def at(self, grid_ns: Int[np.ndarray, " n"], names: tuple[str, ...], blank: Columns) -> Columns:
-        """Values at ascending times; what is past is dropped.
-
-        Args:
-            blank: one row of each column that says nothing, for times before the first message
-        """
+        """Values at ascending times; what is past is dropped. `blank`: a row of each before any message."""
         if not self._times:
             return {name: np.repeat(blank[name], len(grid_ns), axis=0) for name in names}
         times = np.concatenate(self._times)
@@ -116,10 +105,8 @@ class HeldTopic:
 class CommandSource:
     """The command of one log.
 
-    Args:
-        stated: metadata of the log
-        origin_ns: receipt of the log's first message, None where it is not known
-        whole: nothing was lost where a statement may have been; a log that states nothing is then steered by its remote
+    `origin_ns`: receipt of the log's first message, if known; `whole`: nothing was lost where a statement may have
+    been, so that a log that states nothing is steered by its remote.
     """
 
     def __init__(self, stated: StatedFacts, origin_ns: int | None, *, whole: bool):
@@ -133,11 +120,7 @@ class CommandSource:
         self._presses: list[tuple[int, str]] = []
 
     def at(self, grid_ns: Int[np.ndarray, " n"], sticks: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Commands at the samples.
-
-        Args:
-            sticks: lx, ly, rx, held; forward, left and turning left are negative
-        """
+        """Commands at the samples; of `sticks` (lx, ly, rx, held) forward, left and turning left are negative."""
         if self.kind == "schedule":
             if self.origin_ns is None:
                 return np.full((len(grid_ns), 3), np.nan, dtype=np.float32)

@@ -53,16 +53,10 @@ def ingest(
     settings: LogSettings,
     sidecar: Path | None = None,
 ) -> Ingested:
-    """Read a log and write its trials into `folder`, in memory that does not grow with the log.
+    """Read a log and write its trials (called `name`) into `folder`, in memory that does not grow with the log.
 
-    Args:
-        path: `.mcap` or `.db3`
-        name: what the log's trials are called
-        folder: where the Parquet files go; nothing is left there when the log is refused
-        layouts: robots by number of joints
-        sidecar: the YAML file beside the log, if there is one
-
-    Raises LogError, one sentence, for a log that is refused.
+    `layouts`: robots by number of joints; `sidecar`: the YAML file beside the log. Raises LogError, one sentence, for a
+    log that is refused; nothing is left in `folder` then.
     """
     if path.suffix not in SUFFIXES:
         problem = f"not a log: its suffix is '{path.suffix}'"

@@ -63,11 +63,7 @@ def closed_folders(folder: Path) -> list[Path]:
 
 
 def _files(folder: Path, closed: list[Path] | None = None) -> Iterator[Path]:
-    """Files below a folder, but for those of the quarantine and those whose path has a part that begins with a dot.
-
-    Args:
-        closed: takes the folders that can't be listed
-    """
+    """Files below a folder, but hidden and quarantined ones; `closed` takes the folders that can't be listed."""
 
     def refused(error: OSError) -> None:
         if closed is not None and Path(error.filename) != folder:
@@ -121,13 +117,7 @@ def names_of(paths: list[Path]) -> list[str]:
 
 
 def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tuple[list[LogFile], list[Path]]:
-    """The logs that are complete, by name, and those that are still being written or can't be read.
-
-    Args:
-        folder: where the logs are
-        cache: file that digests are remembered in
-        now_s: the time, if it is not now
-    """
+    """The logs that are complete, by name, and those still being written or unreadable; `cache` remembers digests."""
     found, waiting, digests = [], [], DigestMemory(cache)
     paths = list_logs(folder)
     for path, name in zip(paths, names_of([path.relative_to(folder) for path in paths]), strict=True):
@@ -148,11 +138,7 @@ def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tupl
 
 
 def without_copies(logs: list[LogFile], known: dict[str, str]) -> tuple[list[LogFile], list[str]]:
-    """Logs without those that were delivered twice, and a sentence for each that is left out.
-
-    Args:
-        known: question of a log -> the name it had before, which it keeps while that file is there
-    """
+    """Logs without second copies, and a sentence for each; `known`: question of a log -> the name that it keeps."""
     kept: dict[str, LogFile] = {}
     for log in logs:
         other = kept.get(log.question)
@@ -169,13 +155,10 @@ SUFFIX = ".txt"
 
 
 def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
-    """Make `folder` hold one text for each refused log and no other; a sentence for each that can't be written.
+    """Make `folder` hold one text for each refused log (name -> reason) and no other; a sentence for each that fails.
 
     A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is a
     digest of the name.
-
-    Args:
-        refused: name of a log, a path without suffix -> why it is refused
     """
     texts = {path: decodable(refused[name]) + "\n" for name, path in text_paths(sorted(refused)).items()}
     problems = _clear(folder, set(texts))

@@ -1,7 +1,4 @@
-"""What happened while a log was read: its one error type, its bounds, what was lost and where, and clock jumps.
-
-Jumps of the recorder's clock are found by the order of the messages in the file.
-"""
+"""What happened while a log was read: its one error type, its bounds, what was lost and where, and clock jumps."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,15 +10,7 @@ from pipeline.errors import FileError
 
 
 class LogError(FileError):
-    """A log that is refused.
-
-    Args:
-        path: the file
-        problem: what is wrong with it, as a sentence without the file's name
-        do: what the user can do about it
-        offset: byte that the problem was found at
-        recovered: messages that had been read until then
-    """
+    """A log that is refused, with the byte that the problem was found at and the messages that were read until then."""
 
     def __init__(self, path: Path | str, problem: str, do: str = "", offset: int = 0, recovered: int = 0):
         problem = " ".join(problem.split())
@@ -114,12 +103,7 @@ def stretches(
     """Cut messages where the clock jumps; messages with a stamp of their own are left out.
 
     Of each stretch the indices in the file's order, and whether the clock jumped, or long nothing was received, before.
-
-    Args:
-        time_ns: stamps in the file's order
-        last_ns: the last stamp before them, None at the start
-        back_ns: disorder that is no jump
-        ahead_ns: silence that is no jump
+    Disorder up to `back_ns` and silence up to `ahead_ns` are no jumps; `last_ns` is the last stamp before, if any.
     """
     kept = np.flatnonzero((time_ns >= 0) & (time_ns < LATEST_NS))
     times = time_ns[kept]

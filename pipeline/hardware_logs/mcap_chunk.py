@@ -1,7 +1,4 @@
-"""Records of MCAP files as bytes (mcap.dev/spec): opcodes, heads, fields, and whole chunks.
-
-A chunk is inflated within its stated size, checked against its checksum and cut into records.
-"""
+"""Records of MCAP files as bytes (mcap.dev/spec): opcodes, heads, fields, and chunks that are checked and cut."""
 
 import struct
 import zlib
@@ -121,12 +118,9 @@ def _inflate(stored: bytes, compression: str, size: int) -> bytes:
 
 
 def cut(data: bytes, *, whole: bool) -> Records:
-    """Cut bytes into records.
+    """Cut bytes into records, up to the first that is no message, schema or channel, or not whole.
 
-    Args:
-        data: records one after the other
-        whole: nothing but whole messages, schemas and channels may be there, else ValueError; if not, cutting ends
-            before the first record that is another or not whole
+    With `whole` such a record is a ValueError.
     """
     places, definitions = [], []
     unpack, size, at = RECORD_HEAD.unpack_from, len(data), 0

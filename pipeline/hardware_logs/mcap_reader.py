@@ -49,11 +49,7 @@ class Resync:
         self._tried = 0
 
     def chunk(self, start: int, offsets: Iterable[int]) -> int | None:
-        """First chunk with a checksum that holds, at or behind `start`; None where there is none.
-
-        Args:
-            offsets: places to try besides those that look like a chunk, in ascending order
-        """
+        """First chunk whose checksum holds, at or behind `start`, also at the ascending `offsets`; None without any."""
         looks = (each - BEFORE for each in self._find(KINDS, start + BEFORE))
         stated = (each for each in offsets if each >= start)
         found = [at for places in (looks, stated) if (at := self._first_chunk(places)) is not None]

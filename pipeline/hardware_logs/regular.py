@@ -41,11 +41,7 @@ class Stretched:
 
 
 class Regular:
-    """Takes messages piece by piece and gives blocks; a `Stretched` behind its blocks ends a trial.
-
-    Args:
-        joints: number of joints
-    """
+    """Takes messages of a number of joints and gives blocks; a `Stretched` behind its blocks ends a trial."""
 
     def __init__(self, settings: TimeSettings, joints: int):
         self.settings = settings

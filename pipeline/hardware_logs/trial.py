@@ -125,10 +125,7 @@ WHOLE = ("lost", "fall_state")
 
 
 class TrialWriter:
-    """Writes a trial's Parquet file piece by piece; the file has its name only when `finish` was called.
-
-    Use it as a context: what was not finished is taken away.
-    """
+    """Writes a trial's Parquet file piece by piece, as a context: without `finish` nothing is left of it."""
 
     def __init__(self, path: Path):
         self.path = path

@@ -1,7 +1,4 @@
-"""Write a robot's log as MCAP, as `ros2 bag record -s mcap` on the robot does: same messages, same bytes.
-
-The official writer of the format makes the records.
-"""
+"""Write a robot's log as MCAP, as `ros2 bag record -s mcap` on the robot does: same messages, same bytes."""
 
 import io
 from dataclasses import dataclass
@@ -13,14 +10,7 @@ from mcap.writer import CompressionType, Writer
 from pipeline.files import atomic
 from pipeline.hardware_logs.log_facts import to_metadata
 from pipeline.hardware_logs.messages import ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
-from pipeline.hardware_logs.robot_log import (
-    METADATA,
-    FallStates,
-    LowCmds,
-    LowStates,
-    Odometry,
-    RobotLog,
-)
+from pipeline.hardware_logs.robot_log import METADATA, FallStates, LowCmds, LowStates, Odometry, RobotLog
 
 LIBRARY = "booster-lab"
 QOS = {"offered_qos_profiles": ""}

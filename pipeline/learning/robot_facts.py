@@ -5,6 +5,7 @@ Read from `robot.json` and `robot.xml` of a training bundle, so that a GPU host 
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,8 @@ import numpy as np
 
 from pipeline.learning.training_error import TrainingError
 from pipeline.physics import GRAVITY
+
+CURE = "Write the bundle again."
 
 T1_WEIGHT_N, T1_LEG_M = 31.734 * GRAVITY, 0.5516
 """Size of the robot that the figures of the paper and of the recipe are for."""
@@ -73,6 +76,31 @@ class RobotFacts:
         return np.array([self.joint_names.index(name) for name in names])
 
 
+def read_head(folder: Path, schema: str) -> tuple[dict[str, Any], str]:
+    """`bundle.json` of a bundle and its digest; it states the digests of the other files, which are checked.
+
+    Raises TrainingError where a file is missing, changed or of another schema.
+    """
+    head = _bytes(folder / "bundle.json")
+    try:
+        about = json.loads(head)
+    except ValueError as error:
+        raise TrainingError(f"{folder}/bundle.json: is not JSON ({error}). {CURE}") from error
+    found = about.get("schema") if isinstance(about, dict) else about
+    if found != schema:
+        raise TrainingError(f"{folder}/bundle.json: schema {found!r}; this version reads {schema!r}.")
+    for name, stated in about["files"].items():
+        if hashlib.sha256(_bytes(folder / name)).hexdigest() != stated:
+            raise TrainingError(f"{folder / name}: its digest is not the one in bundle.json. {CURE}")
+    return about, hashlib.sha256(head).hexdigest()
+
+
+def _bytes(path: Path) -> bytes:
+    if not path.is_file():
+        raise TrainingError(f"{path}: the file is missing. {CURE}")
+    return path.read_bytes()
+
+
 def read_robot_facts(folder: Path) -> RobotFacts:
     """The robot of a bundle. Raises TrainingError where `robot.json` or `robot.xml` is missing or incomplete."""
     try:
@@ -80,7 +108,7 @@ def read_robot_facts(folder: Path) -> RobotFacts:
         return robot_facts(facts, (folder / "robot.xml").read_text())
     except (OSError, ValueError, KeyError) as error:
         problem = f"robot.json or robot.xml of the bundle can't be read ({error})"
-        raise TrainingError(f"{folder}: {problem}. Write the bundle again.") from error
+        raise TrainingError(f"{folder}: {problem}. {CURE}") from error
 
 
 def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:

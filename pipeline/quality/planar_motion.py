@@ -95,11 +95,9 @@ class PlanarMotion:
 def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: float, bridge_s: float) -> PlanarMotion:
     """The clip's planar motion.
 
-    Args:
-        velocity_s: width of the moving mean on the root's velocity [s]
-        facing_s: width of the moving mean on the facing [s]; of a person it is the normal of the line between the
-            hips, of a robot the heading of its root
-        bridge_s: longest gap of the recording that is interpolated before anything is measured [s]
+    `velocity_s`, `facing_s`: widths of the moving means [s] on the root's velocity and on the facing: of a person the
+    normal of the line between the hips, of a robot the root's heading. Gaps up to `bridge_s` [s] are interpolated
+    first.
     """
     fps, (root_w, facing_w) = clip.fps, _root_and_facing(clip)
     recorded = np.asarray(np.isfinite(np.concatenate([root_w, facing_w], axis=1)).all(axis=1))

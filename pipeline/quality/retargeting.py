@@ -126,10 +126,7 @@ def mean_jerk(smooth_pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:
 
 
 def acceleration_p99(values: Float[np.ndarray, "t j"], fps: float, cutoff_hz: float, least_frames: int = 0) -> float:
-    """99th percentile of |second derivative| over all frames and columns, low-passed at `cutoff_hz` first.
-
-    Fewer than `least_frames` frames are padded with zeros.
-    """
+    """99th percentile of |second derivative| of low-passed frames and columns; few frames are padded with zeros."""
     if len(values) < 3:
         return 0.0
     second = np.diff(time_series.smooth(values, fps, cutoff_hz), n=2, axis=0) * fps**2

@@ -51,10 +51,7 @@ class GltfFile:
         return finite_rows(values := self.stored(index), 0, len(values))
 
     def stored(self, index: Any) -> np.ndarray:
-        """The values (n, width) of an accessor as the file stores them, where they are one after another.
-
-        Raises FileError.
-        """
+        """The values (n, width) of an accessor, where the file stores them one after another. Raises FileError."""
         accessor = self.item("accessors", index)
         kind, width = COMPONENTS.get(accessor.get("componentType", 0)), WIDTHS.get(str(accessor.get("type")))
         count = accessor.get("count")

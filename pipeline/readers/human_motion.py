@@ -1,7 +1,4 @@
-"""From a format's joints to the canonical human: skeleton map, unit, up axis, then body by body.
-
-The unit of length is the one that gives the skeleton human legs.
-"""
+"""From a format's joints to the canonical human: skeleton map, unit (that gives human legs), up axis, body by body."""
 
 import itertools
 from dataclasses import dataclass

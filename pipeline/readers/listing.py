@@ -38,8 +38,7 @@ class Reference:
 
 
 def named_reference(path: Path, source: Source) -> str | None:
-    """The stated reference of a recording; None for most. Raises SettingsError for a file beside it that states
-    something else than a path."""
+    """The stated reference of a recording; None for most. Raises SettingsError where the file beside it has no path."""
     stated = source.statement_of(path).tracks
     if stated is not None:
         return stated
@@ -60,11 +59,7 @@ def inside(path: Path, named: str, source: Source) -> Path | None:
 
 
 def read_reference(path: Path, source: Source, clip: RobotClip | HumanClip) -> Reference | None:
-    """The motion that the recording `path` tracked; None where nothing names one.
-
-    Args:
-        source: where the recording is from; the reference has to lie in its folder
-        clip: the recording as it was read
+    """The motion that the recording `path` tracked, which lies in its source's folder; None where nothing names one.
 
     Raises FileError, which names both files, for a reference that is not there, can't be read or does not fit.
     """

@@ -101,10 +101,7 @@ def distinguished(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[Skelet
 
 
 def leg_misfit(motion: RawMotion, skeleton: SkeletonMap) -> float:
-    """Mean angle by which knee axes, thighs and feet of both legs are off what people's are [rad].
-
-    NaN where no knee bends enough for its axis to be measured.
-    """
+    """Mean angle that knees, thighs and feet are off what people's are [rad]; NaN where no knee bends enough."""
     angles, first = [], max(0, (motion.frame_count - SAMPLES) // 2)
     for side in FEET:
         bodies = ("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle")))
@@ -299,10 +296,7 @@ READERS = {".bvh": read_bvh, ".glb": read_gltf, ".gltf": read_gltf}
 
 
 def written_map(path: Path, stated: str | None = None) -> str:
-    """The map that a file is read with; where there is none a map with the joints that are known filled in.
-
-    Raises FileError for a file that can't be read, or of a format whose skeleton is always the same.
-    """
+    """The map that a file is read with, else one with the joints that are known filled in. Raises FileError."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         known = ", ".join(sorted(READERS))

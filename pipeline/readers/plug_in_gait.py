@@ -193,14 +193,8 @@ def _trunk(bodies: Segments, notch: np.ndarray, chest: np.ndarray, band: np.ndar
 def _chord(
     above: np.ndarray, marker: np.ndarray, inward: np.ndarray, share: float, length: np.ndarray | None = None
 ) -> Float[np.ndarray, "t 3"]:
-    """The joint at a distance from its marker, where the line to the joint `above` and the one to the marker are at a
-    right angle.
-
-    Args:
-        above: the next joint towards the trunk
-        inward: direction to the joint from the marker, roughly
-        share: distance of joint and marker over `length`, or over the distance of `above` and the marker
-    """
+    """The joint at a distance (`share` of `length`, else of the way to `above`) from its marker, with a right angle
+    between the lines to the joint `above`, next towards the trunk, and to the marker; roughly `inward` of it."""
     way = above - marker
     along = rotation.normalize(way)
     distance = share * (rotation.length(way) if length is None else length)

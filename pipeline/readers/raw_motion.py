@@ -1,7 +1,4 @@
-"""What a format's reader returns: named joints in the file's own unit and axes, over time.
-
-Their world poses are computed for the requested joints and frames; others take no memory.
-"""
+"""What a format's reader returns: named joints over time in its own unit and axes; poses only as requested."""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -258,10 +255,7 @@ class RawMotion:
         return self.world(self.joint_names)[1]
 
     def offset_between(self, ancestor: str, joint: str) -> Float[np.ndarray, " 3"]:
-        """Rest offset from `ancestor` to `joint` in the ancestor's frame, all joints between at rest.
-
-        Raises KeyError when `joint` does not descend from `ancestor`.
-        """
+        """Rest offset from `ancestor` to `joint` in the ancestor's frame. Raises KeyError for no ancestor."""
         index, top = self.joint_names.index(joint), self.joint_names.index(ancestor)
         total = np.zeros(3)
         while index != top:
@@ -300,10 +294,7 @@ NORM_MIN, NORM_MAX = 0.99, 1.01
 
 
 def check_unit(path: Path, quat: np.ndarray, what: str, first: int = 0) -> None:
-    """Check that quaternions (t, ..., 4) of the frames from `first` on are unit; NaN passes.
-
-    Raises FileError with the first frame that is not.
-    """
+    """Check that quaternions (t, ..., 4) of frames from `first` on are unit or NaN. Raises FileError with the frame."""
     norm = np.linalg.norm(quat, axis=-1).reshape(len(quat), -1)
     wrong = np.flatnonzero(((norm < NORM_MIN) | (norm > NORM_MAX)).any(axis=1))
     if len(wrong):

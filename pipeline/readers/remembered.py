@@ -70,15 +70,9 @@ class SourceLostError(PipelineError):
 
 
 def sources_in_use(file: Path, variable: str, memory: Path) -> SourcesInUse:
-    """The sources that are named now and those that the store remembers.
+    """The sources that are named now (`data/sources.yaml`, `BOOSTER_LAB_MOTIONS`) and those that the store remembers.
 
-    Args:
-        file: `data/sources.yaml`
-        variable: value of `BOOSTER_LAB_MOTIONS`
-        memory: the file that `remember` writes
-
-    Raises SettingsError, FileError for a folder of the variable that is not there, SourceLostError for a remembered
-    folder that is not there.
+    Raises SettingsError, FileError (a folder of the variable is not there), SourceLostError (a remembered one is not).
     """
     known = read_remembered(memory)
     stated = read_sources(file)
@@ -94,13 +88,9 @@ def sources_in_use(file: Path, variable: str, memory: Path) -> SourcesInUse:
 
 
 def check_sources(memory: Path, sources: SourcesInUse, files: Mapping[str, int]) -> None:
-    """Raise SourceLostError where a remembered source is not among those in use or has lost all of its files.
+    """Raise SourceLostError where a remembered source is not in use or has lost all its files (their number by name).
 
     A source of `data/sources.yaml` is the same one as long as its name or its folder is.
-
-    Args:
-        memory: the file that `remember` writes
-        files: name of each source in use -> how many motion files it holds
     """
     by_folder = {str(source.folder.resolve()): source.name for source in sources.all}
     stated = {source.name for source in sources.stated}

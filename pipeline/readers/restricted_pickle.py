@@ -211,8 +211,7 @@ class _Bytes(BytesIO):
 
 
 def load_pickle(path: Path) -> Any:
-    """The plain data in a pickle. Raises FileError for a file that names anything else, or is damaged; OSError of the
-    disk."""
+    """The plain data in a pickle. Raises FileError where it names anything else or is damaged; OSError of the disk."""
     check_size(path)
     data = path.read_bytes()
     try:

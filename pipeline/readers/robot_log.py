@@ -26,10 +26,7 @@ RATE_HZ = 50.0
 
 
 def read_robot_log(path: Path) -> RobotMotion:
-    """The longest stretch of a log in which the robot is up and nothing is missing.
-
-    Raises FileError for a log that is refused, and for one of a robot that is not in `robots/`.
-    """
+    """The longest stretch of a log in which the robot is up and nothing is missing. Raises FileError."""
     trials = read_log(path, robots(), settings.read(SETTINGS, LogSettings))
     stretches = [(trial, start, stop) for trial in trials for start, stop in time_series.runs(_usable(trial))]
     if not stretches:

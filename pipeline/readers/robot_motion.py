@@ -240,10 +240,7 @@ def link_errors(
     joint_pos: Float[np.ndarray, "t j"],
     body_pos_w: Float[np.ndarray, "t b 3"],
 ) -> Float[np.ndarray, " l"] | None:
-    """Distance of each of our links to the nearest body of the file [m], median over frames.
-
-    None where no frame is complete.
-    """
+    """Distance of each of our links to the file's nearest body [m], median over complete frames; None without any."""
     count = len(root_pos_w)
     arrays = (root_pos_w, root_quat_w, joint_pos, body_pos_w.reshape(count, -1))
     complete = np.flatnonzero(np.isfinite(np.concatenate(arrays, axis=1)).all(axis=1))

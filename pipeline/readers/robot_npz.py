@@ -107,10 +107,7 @@ def _bodies(header: ArrayFile, key: str, frames: int) -> Float[np.ndarray, "t b 
 
 
 def _rate(arrays: ArrayFile, than: str, positions: Mapping[str, np.ndarray | None]) -> VelocityRate | None:
-    """The rate that stored velocities show, whichever fits best; `positions`: those of each array of velocities.
-
-    Raises FileError for velocities of another number of frames than the array `than` has.
-    """
+    """The rate that fits the velocities of `positions` best. Raises FileError for other frames than those of `than`."""
     frames, rates = arrays.shapes[than][0], []
     for name, values in positions.items():
         arrays.refuse_other_length(name, than, frames)

@@ -225,10 +225,7 @@ TOE_FROM_ANKLE = (0.13, 0.0, -0.045)
 
 
 def standing_axes(motion: RawMotion, roles: Roles) -> Float[np.ndarray, "3 3"] | None:
-    """Columns ahead, left, up of a person in the rest pose; None where no person could stand so.
-
-    Where a rest pose is none (bones one after another along an axis), nothing can be measured from it.
-    """
+    """Columns ahead, left, up of a person in the rest pose; None where no person could stand so."""
     place = rest_places(motion)
     hips, ankles = ([place[roles.joints[f"{side}_{part}"]] for side in FEET] for part in ("hip", "ankle"))
     left = hips[0] - hips[1]

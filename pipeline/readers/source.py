@@ -182,13 +182,10 @@ def _with_paths(statement: Stated, folder: Path) -> Stated:
 def sources_of_environment(
     value: str, known: tuple[Source, ...] = (), names: Mapping[Path, str] | None = None
 ) -> tuple[Source, ...]:
-    """Sources from folders joined by `:`, named after the folders. Raises FileError for one that is not there.
+    """Sources from folders joined by `:`, named after the folders, or as in an earlier run (`names`, by resolved path).
 
-    Args:
-        value: the folders
-        known: sources that there are already (those of data/sources.yaml): a folder of theirs is not taken again, and
-            no name is given twice
-        names: name that a folder had in an earlier run, by its resolved path: it keeps it
+    No folder of those `known` (in data/sources.yaml) is taken again, and no name given twice. Raises FileError for a
+    folder that is not there.
     """
     earlier = names or {}
     sources: list[Source] = []

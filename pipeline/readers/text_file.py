@@ -72,12 +72,8 @@ def read_table(
 ) -> Float[np.ndarray, "t columns"]:
     """Rows of `columns` numbers each between blanks or commas, in memory that `page_memory.forget` frees.
 
-    Blank lines are skipped; `nan`, `inf` and huge numbers become NaN. Raises FileError with the line for a row that is
-    too short or too long and for what is not a number.
-
-    Args:
-        lines: each with its number in the file
-        most_lines: upper bound on their number
+    `lines` come with their numbers, at most `most_lines`. Blank ones are skipped; `nan`, `inf` and huge numbers become
+    NaN. Raises FileError with the line for a row that is too short or too long and for what is not a number.
     """
     by_size = path.stat().st_size // (2 * columns) + 1  # a number takes two bytes
     rows = page_memory.empty((min(most_lines, by_size, MAX_FRAMES + 1, MAX_NUMBERS // columns + 1), columns))

@@ -99,13 +99,9 @@ class VelocityRate:
 
 
 def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRate | None:
-    """The rate at which central differences of positions are the stored velocities; None where they do not agree.
+    """The rate at which central differences of positions (t, ...) are the velocities; None where they do not agree.
 
     Least squares over all columns of at most `MOST_FRAMES` frames. Frames with missing numbers are left out.
-
-    Args:
-        position: (t, ...) of any number type
-        velocity: of the same shape
     """
     if len(position) < FEWEST_FRAMES or position.shape != velocity.shape:
         return None
@@ -134,12 +130,8 @@ def checked_rate(
 ) -> tuple[float | None, tuple[Reason, ...]]:
     """The rate [Hz] to take for a file's own, and a reason where its velocities contradict what it declares.
 
-    A rate that is not declared is taken from the velocities only where it is a usual one. So is a rate that is
+    A rate that is not declared (None) is taken from the velocities only where it is a usual one. So is a rate that is
     declared wrong; where the velocities show an unusual rate the clip is rejected until a rate is stated.
-
-    Args:
-        declared: as the file states it, None where it does not
-        by_velocity: inferred from its velocities, None where they do not agree
     """
     if by_velocity is None:
         return declared, ()

@@ -29,10 +29,7 @@ class Table:
 
 
 def tables_of(result: Mapping[str, Any]) -> tuple[Table, ...]:
-    """The tables of a stored result: cells of a suite, walks in several engines, limit cycles, segments of a run.
-
-    A result that has none of them gives no table; a part that is not in its form is left out.
-    """
+    """The tables of a stored result (suite, engines, limit cycles, segments), without what is not in their form."""
     found = (
         _table("Cells", _cells(_dicts(result.get("cells")))),
         _table("Walks", _dicts(result.get("rows"))),
@@ -212,15 +209,11 @@ class Dossier:
 def verdict_of(
     name: str, result: Mapping[str, Any] | None, policy: str, outdated: str = "", pictures: Sequence[Picture] = ()
 ) -> Verdict:
-    """The verdict of a check from its stored result.
+    """The verdict of a check from its stored result, None where nothing is stored.
 
-    Args:
-        name: name of the check
-        result: stored result: `passed` (true, false, or null without a verdict), `policy` (digest), and optionally
-            `reasons`, `not_required`, `not_run`, `failed_to_run`; None if nothing is stored
-        policy: digest of the policy to sign
-        outdated: why the result is outdated; empty if it is current
-        pictures: pictures of the check
+    A result has `passed` (true, false, or null without a verdict), `policy` (digest), and optionally `reasons`,
+    `not_required`, `not_run`, `failed_to_run`. `policy` is the digest to sign, `outdated` why the result is not
+    current.
     """
     if result is None:
         return Verdict(name=name, status=Status.NOT_RUN, reasons=("it was never run here",))

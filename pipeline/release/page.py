@@ -1,8 +1,4 @@
-"""The release report as one self-contained HTML page: no scripts, no links, embedded pictures.
-
-All text is escaped. The page contains no time, so equal dossiers give equal bytes; date and name are written by the
-person who signs.
-"""
+"""The release report as one HTML page without scripts or links, all text escaped; equal dossiers give equal bytes."""
 
 import base64
 import hashlib

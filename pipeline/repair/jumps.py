@@ -89,10 +89,7 @@ def _edges(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) 
 
 
 def joined(defects: list[Defect], known: list[Defect]) -> list[Defect]:
-    """A joint's jump at the edge of another's lost stretch, found now or `known`, belongs to it.
-
-    Its way back, or in, was too small to see.
-    """
+    """A joint's jump at the edge of another's lost stretch belongs to it; the way back, or in, was too small to see."""
     lost = [one for one in (*known, *defects) if not one.is_cut and (one.pos or one.rot)]
     stretches = sorted({(one.start, one.stop) for one in lost})
 
@@ -118,9 +115,7 @@ def _steps(
 ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"], Callable[[int, int], bool]]:
     """Way [m] and turn [rad] of a body into each frame, and whether it is at `stop` back where it left at `start`.
 
-    Args:
-        percentile: of the body's own steps; `COMEBACK_SPEED` times that is the fastest way back
-        slack_m: way that is always allowed, and `slack_rad` turn
+    The fastest way back is `COMEBACK_SPEED` times that percentile of its own steps; the slack is always allowed.
     """
     way = np.concatenate([[0.0], np.linalg.norm(np.diff(pos, axis=0), axis=1)])
     angle = np.concatenate([[0.0], rotation.angle_between(quat[:-1], quat[1:])])

@@ -84,10 +84,7 @@ def _usual(size: Float[np.ndarray, " t"], stretches: list[tuple[int, int]], widt
 def _located(
     sizes: Sizes, limits: Float[np.ndarray, " n"], start: int, stop: int, width: int
 ) -> tuple[int, int, Bool[np.ndarray, " b"]]:
-    """First and last frame [first, last) of the shaking around [start, stop), and the bodies that shake along.
-
-    `sizes` are the misses of all turns, then of all places.
-    """
+    """First and last frame [first, last) of the shaking, and bodies that shake along; `sizes`: turns, then places."""
     others = np.concatenate([sizes[: max(start - width, 0)], sizes[stop + width :]])
     others = others if len(others) >= width else sizes
     inner = slice(min(start + 1, stop - 1), max(stop - 1, start + 2))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline import rotation
+from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget.foot_plan import Sole
@@ -22,6 +22,12 @@ ARM_POINTS = (0.0, 0.35, 0.7, 1.0)
 
 OUTER_POINTS = slice(2, None)
 """Those of them that are kept off the trunk, too."""
+
+SHANK_POINTS = (0.25, 0.5, 0.75)
+"""Points along the shank, as shares of the way from knee to ankle."""
+
+CROSSED_GAIN = 3.5
+"""Way that a foot is sent outward / way that a shank lacks: its upper end, which meets the thigh, follows by a part."""
 
 RAISED = 1.5
 """Way that a pelvis on a smoothed path is raised / depth of a sole below ground; the pelvis follows part of it."""
@@ -63,6 +69,33 @@ def turns_of(
     turn = np.take_along_axis(turns, largest[:, None, :, None], axis=1)[:, 0]
     size = faded(rotation.length(turn), spread)
     return size[..., None] * rotation.normalize(gaussian_filter1d(turn, 2.0 * spread, axis=0, mode="nearest"))
+
+
+def shank_overlap(
+    kinematics: Kinematics, poses: LinkPoses, robot: Robot, settings: ClearanceSettings
+) -> Float[np.ndarray, " t"]:
+    """Way [m] by which legs are too close: the shank of one to the thigh of the other."""
+    names = [robot.human[f"{side}_{part}"] for part in ("hip", "knee", "ankle") for side in FEET]
+    places_w = kinematics.site_pos_w(poses, names)
+    hip_w, knee_w, ankle_w = (places_w[:, None, 2 * part : 2 * part + 2] for part in range(3))
+    point_w = knee_w + np.array(SHANK_POINTS)[:, None, None] * (ankle_w - knee_w)
+    away_w = point_w - _closest_on_segment(point_w, hip_w[:, :, ::-1], knee_w[:, :, ::-1])
+    return np.maximum(settings.leg_distance - rotation.length(away_w), 0.0).max(axis=(1, 2))
+
+
+def through_stances(
+    way: Float[np.ndarray, " t"], contact: Bool[np.ndarray, " t"], spread: int
+) -> Float[np.ndarray, " t"]:
+    """`way` as a stance can take it: its largest value in each stance and `spread` frames around, blended in swings."""
+    result = np.zeros(len(way))
+    for start, stop in time_series.runs(contact):
+        result[start:stop] = way[max(start - spread, 0) : stop + spread].max()
+    for start, stop in time_series.runs(~contact):
+        before = result[start - 1] if start > 0 else (result[stop] if stop < len(way) else way.max())
+        after = result[stop] if stop < len(way) else before
+        along = (np.arange(start, stop) - start + 1) / (stop - start + 1)
+        result[start:stop] = before + (after - before) * time_series.smoothstep(along)
+    return result
 
 
 def way_out(
@@ -130,6 +163,13 @@ def cleared(
         for limb, (name, _, _) in enumerate(LIMBS):
             if name in (f"{FEET[side]}_upper_arm", f"{FEET[side]}_forearm"):
                 limb_dir_w[:, limb] = rotation.rotate(turns[:, side], limb_dir_w[:, limb])
+    crossed = shank_overlap(kinematics, poses, robot, settings)
+    if crossed.any():
+        heading = rotation.yaw_of(poses.quat_w[:, robot.link(robot.human["pelvis"])])
+        left_w = np.stack([-np.sin(heading), np.cos(heading), np.zeros_like(heading)], axis=1)
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            way = CROSSED_GAIN * through_stances(crossed, targets.contacts[:, side], round(spread))
+            foot_pos_w[:, side] += sign * way[:, None] * left_w
     return dataclasses.replace(targets, foot_pos_w=foot_pos_w, pelvis_pos_w=pelvis_pos_w, limb_dir_w=limb_dir_w)
 
 

@@ -71,6 +71,8 @@ class ClearanceSettings:
     """Least distance of forearm and hand from the line hip to knee [m]."""
     trunk_distance: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Least distance of the hand from the trunk's middle line [m]."""
+    leg_distance: Annotated[float, LENGTH, NOT_NEGATIVE]
+    """Distance of a shank from the line hip to knee of the other leg below which feet are sent further out [m]."""
     spread_s: Annotated[float, NOT_NEGATIVE]
     """Time over which corrections come and go [s]."""
 

@@ -1,7 +1,5 @@
 """Write a robot folder with changed motor limits."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

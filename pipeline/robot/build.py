@@ -1,7 +1,5 @@
 """Build a robot's arrays and model files from the tables of its folder."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -1,7 +1,5 @@
 """Consistency checks across the tables of a robot folder: names, tree, inertia."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np

@@ -7,8 +7,6 @@ Each further column of the aliases is a naming: that of a newer model file, of r
 program. It is no part of the robot's digest, since it changes nothing that is computed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Vectorized forward kinematics of a robot in numpy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -72,12 +70,9 @@ class Kinematics:
         link: int,
     ) -> Float[np.ndarray, "t 3"]:
         """Positions of one link's origin, world frame [m]; only the links between it and the root are computed."""
-        tree, chain = self._tree, []
-        while link > 0:
-            chain.append(link)
-            link = int(tree.parent[link])
+        tree = self._tree
         pos_w, quat_w = root_pos_w, root_quat_w
-        for each in reversed(chain):
+        for each in reversed(tree.chain(link)):
             pos_w = pos_w + rotation.rotate(quat_w, tree.pos[each])
             turn = rotation.from_axis_angle(tree.axis[each], joint_pos[:, tree.joint[each]])
             quat_w = rotation.multiply(quat_w, rotation.multiply(tree.quat[each], turn))

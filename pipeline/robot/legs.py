@@ -1,7 +1,5 @@
 """The joints of the legs, from the human correspondence and the tree; names do not matter."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,7 +74,9 @@ def legs_of(robot: Robot) -> Legs:
     axes = robot.tree.joint_axes_root()
     joints, hips, knees, ankles = [], [], [], []
     for side in SIDES:
-        chain = _chain(robot, robot.link(robot.human["pelvis"]), robot.link(robot.human[f"{side}_foot"]))
+        above = robot.tree.chain(robot.link(robot.human["pelvis"]))
+        links = [link for link in robot.tree.chain(robot.link(robot.human[f"{side}_foot"])) if link not in above]
+        chain = tuple(int(robot.tree.joint[link]) for link in reversed(links))
         knee = int(robot.tree.joint[robot.link(robot.human[f"{side}_shank"])])
         place = chain.index(knee)
         pitching = [joint for joint in chain[:place] if abs(axes[joint, 1]) > LATERAL]
@@ -90,12 +90,3 @@ def legs_of(robot: Robot) -> Legs:
         knee=(knees[0], knees[1]),
         ankles=(ankles[0], ankles[1]),
     )
-
-
-def _chain(robot: Robot, top: int, foot: int) -> tuple[int, ...]:
-    """Joints from below `top` to `foot`."""
-    found, link = [], foot
-    while link not in (top, -1):
-        found.append(int(robot.tree.joint[link]))
-        link = int(robot.tree.parent[link])
-    return tuple(reversed(found))

@@ -1,7 +1,5 @@
 """Load a robot by name or by folder."""
 
-from __future__ import annotations
-
 import dataclasses
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The mirror image of a robot's motion: its reflection in the plane y = 0."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -3,8 +3,6 @@
 MJCF: bodies, joints, shapes, sites, for simulation. URDF: for inverse kinematics and rigid-body dynamics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from xml.etree import ElementTree as Xml
 

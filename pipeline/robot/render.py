@@ -3,8 +3,6 @@
 python -m pipeline.robot.render robots/t1
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A robot as plain arrays and text, picklable for worker processes; its kinematic tree with forward kinematics."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -34,6 +32,14 @@ class Tree:
     """Index of the link that each site is fixed to."""
     site_pos: Float[np.ndarray, "s 3"]
     """Position of each site in its link's frame [m]."""
+
+    def chain(self, link: int) -> list[int]:
+        """A link and those above it, without the root link."""
+        found = []
+        while link > 0:
+            found.append(link)
+            link = int(self.parent[link])
+        return found
 
     @cached_property
     def levels(self) -> tuple[Int[np.ndarray, " n"], ...]:
@@ -191,7 +197,7 @@ class Robot:
             own |= dict(zip(naming, self.joint_names, strict=True))
         return tuple(name if name in self.joint_names else own.get(name, name) for name in names)
 
-    def in_naming(self, naming: str) -> Robot:
+    def in_naming(self, naming: str) -> "Robot":
         """The robot whose joints have the names of a naming, for what is written for others to read; its own names are
         then the naming `own`. Raises UnknownNameError."""
         if naming not in self.namings:

@@ -1,7 +1,5 @@
 """The error of a robot folder: every fault found, each with its file, line and what to do."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -5,8 +5,6 @@ on it are annotated with `Scaled`; `scaled` gives their values for the robot at 
 calibrated on, all values are exactly those of the file.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import typing
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The tables of a robot folder (CSV) as typed rows, with checks of single rows."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io
@@ -189,7 +187,7 @@ def read_table(path: Path, kind: type[R]) -> tuple[R, ...]:
             problem = f"the row has {len(record)} values."
             faults.append(Fault(path=path, line=line, problem=problem, do=f"Write {len(hints)}, one a column."))
             continue
-        values, problems = _parse(dict(zip(hints, record, strict=True)), hints, kind.positive)
+        values, problems = parse_cells(dict(zip(hints, record, strict=True)), hints, kind.positive)
         name = f"{next(iter(hints))} '{record[0]}'"
         faults += [Fault(path=path, line=line, problem=f"{name}: {problem}", do=do) for problem, do in problems]
         if not problems:
@@ -216,7 +214,7 @@ def _cell(value: str | bool | float) -> str:
     return value if isinstance(value, str) else repr(float(value)).removesuffix(".0")
 
 
-def _parse(
+def parse_cells(
     record: dict[str, str], hints: dict[str, type], positive: tuple[str, ...]
 ) -> tuple[dict[str, Any], list[tuple[str, str]]]:
     """Values of a record by column, and (problem, remedy) of each invalid value."""

@@ -1,7 +1,5 @@
 """Masses, inertias, the links that stand for parts of a person, and left against right."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -104,10 +102,7 @@ def human_parts(robot: Robot) -> Iterator[Finding]:
 
 
 def _is_above(robot: Robot, above: str, below: str) -> bool:
-    link, top = robot.link(below), robot.link(above)
-    while link >= 0 and link != top:
-        link = int(robot.tree.parent[link])
-    return link == top and above != below
+    return above != below and robot.link(above) in (0, *robot.tree.chain(robot.link(below)))
 
 
 def _sites_at_zero(robot: Robot) -> dict[str, np.ndarray]:

@@ -1,7 +1,5 @@
 """All checks of a robot folder."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +10,7 @@ from pipeline.robot.load import model_files, read_description
 from pipeline.robot.robot_error import RobotError
 from pipeline.robot_check.body_checks import Finding, human_parts, key_links, masses, mirrored_figures, mirrored_sites
 from pipeline.robot_check.compare import compare, model_of
-from pipeline.robot_check.pose_checks import default_pose, drives, standing
+from pipeline.robot_check.pose_checks import default_pose, drives, standing, step_stability
 from pipeline.robot_import.read import read_model
 
 SHOWN = 5
@@ -38,6 +36,7 @@ def check_folder(folder: Path) -> list[Finding]:
         *human_parts(robot),
         *default_pose(robot),
         *drives(robot),
+        *step_stability(robot),
         *model_differences(folder, description, model_files(folder, robot)),
     ]
     return [*found, *standing(folder, robot)]

@@ -1,7 +1,5 @@
 """Two models of one robot, joint by joint. Joints are matched by where they are, so that renamed ones are found."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

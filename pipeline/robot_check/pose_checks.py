@@ -1,7 +1,5 @@
 """The default pose: on the ground, free of contact, in balance, and held by the gains."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +9,7 @@ from scipy.spatial import ConvexHull
 
 from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.errors import FileError
-from pipeline.physics import GRAVITY
+from pipeline.physics import GRAVITY, PHYSICS_S
 from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.robot_check.body_checks import Finding
 from pipeline.simulation.torque_envelope import TorqueEnvelope
@@ -31,6 +29,8 @@ RANGE = (0.05, 6.4)
 """Least and largest range of a joint [rad]."""
 SPEEDS = (1.0, 100.0)
 """Least and largest speed limit [rad/s]."""
+GROWTH = 1.001
+"""Factor by which a disturbance may grow in one physics step."""
 
 
 def default_pose(robot: Robot) -> Iterator[Finding]:
@@ -126,6 +126,29 @@ def drives(robot: Robot) -> Iterator[Finding]:
             text = f"joint '{name}' gives way by {needed[joint] / kp:.2f} rad in the default pose"
             text += f" ({needed[joint]:.3g} N m): kp is {kp:g} N m/rad; at most {SAG:g} rad are expected."
             yield Finding(code="gains", text=text)
+
+
+def step_stability(robot: Robot) -> Iterator[Finding]:
+    """A joint that shakes in simulation: its gains are too large for its inertia and the physics step of training.
+
+    One step of v' = v - dt M^-1 (kp q + kd v), q' = q + dt v' around the default pose, off the ground, must not enlarge
+    any disturbance. A single joint of inertia J is stable where kd dt / J + kp dt^2 / (2 J) < 2 (Jury's criterion).
+    """
+    model, data = _posed(robot)
+    inverse = np.zeros((model.nv, model.nv))
+    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+    inverse = inverse[6:, 6:]
+    stiff, damped = PHYSICS_S * inverse * robot.kp, PHYSICS_S * inverse * robot.kd
+    eye = np.eye(len(robot.kp))
+    speed = np.hstack([-stiff, eye - damped])
+    step = np.vstack([np.hstack([eye, 0.0 * eye]) + PHYSICS_S * speed, speed])
+    growth, shapes = np.linalg.eig(step)
+    joints = sorted({int(np.abs(shapes[len(eye) :, each]).argmax()) for each in np.flatnonzero(abs(growth) > GROWTH)})
+    for joint in joints:
+        inertia, gains = 1.0 / inverse[joint, joint], f"kp {robot.kp[joint]:g} and kd {robot.kd[joint]:g}"
+        text = f"joint '{robot.joint_names[joint]}' shakes in simulation: {gains} are too large for its inertia of"
+        text += f" {inertia:.2g} kg m^2 and a step of {1000 * PHYSICS_S:g} ms; lower kd below"
+        yield Finding(code="gains", text=f"{text} {2.0 * inertia / PHYSICS_S:.2g} N m s/rad, or correct the armature.")
 
 
 def _standing_torque(robot: Robot) -> np.ndarray:

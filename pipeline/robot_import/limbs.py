@@ -3,8 +3,6 @@
 Names do not matter: two limbs that mirror each other and end lowest are the legs, the next two the arms.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,17 +3,17 @@
 Links without a movable joint are merged into their parents by the readers, so every link but the root has one hinge.
 """
 
-from __future__ import annotations
-
+import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pinocchio
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
-from pipeline.robot_import.numbers import quat_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class MakerJoint:
     """A hinge: torque [N m], speed [rad/s], armature [kg m^2], kp [N m/rad], kd [N m s/rad]; None if not stated."""
 
     name: str
-    axis: Float[np.ndarray, 3]
+    axis: Float[np.ndarray, " 3"]
     """Unit vector in the joint frame."""
     lower: float | None
     upper: float | None
@@ -43,13 +43,13 @@ class MakerLink:
     """Index of the parent; -1 for the root."""
     joint: MakerJoint | None
     """The hinge to the parent; None for the root."""
-    pos: Float[np.ndarray, 3]
+    pos: Float[np.ndarray, " 3"]
     """Joint frame in the parent's frame [m]."""
-    quat: Float[np.ndarray, 4]
+    quat: Float[np.ndarray, " 4"]
     """Joint frame in the parent's frame, wxyz."""
     mass: float
     """[kg]"""
-    com: Float[np.ndarray, 3]
+    com: Float[np.ndarray, " 3"]
     """Centre of mass in the link frame [m]."""
     inertia: Float[np.ndarray, "3 3"]
     """About the centre of mass, axes of the link frame [kg m^2]."""
@@ -66,9 +66,9 @@ class MakerShape:
     """`box`, `sphere`, `cylinder`, `capsule`, or `mesh`."""
     collides: bool
     shown: bool
-    pos: Float[np.ndarray, 3]
+    pos: Float[np.ndarray, " 3"]
     """In the link frame [m]."""
-    quat: Float[np.ndarray, 4]
+    quat: Float[np.ndarray, " 4"]
     """In the link frame, wxyz."""
     size: tuple[float, ...] = ()
     """As in shapes.csv: half extents; radius; radius and half length [m]."""
@@ -82,7 +82,7 @@ class MakerSite:
 
     name: str
     link: str
-    pos: Float[np.ndarray, 3]
+    pos: Float[np.ndarray, " 3"]
     """In the link frame [m]."""
 
 
@@ -146,3 +146,48 @@ def corner_points(shape: MakerShape) -> Float[np.ndarray, "n 3"]:
             ring = np.array([[radius, 0.0], [-radius, 0.0], [0.0, radius], [0.0, -radius]])
             local = np.vstack([np.column_stack([ring, np.full(4, end)]) for end in (-half, half)])
     return shape.pos + rotation.rotate(shape.quat, local)
+
+
+DIGITS = 10
+"""Significant digits; more are rounding of a file's own."""
+ZERO = 1e-10
+RIGHT_ANGLE = 1e-4
+"""An angle this close to a multiple of a right angle is meant as one [rad]."""
+
+
+def rounded(values: Iterable[float]) -> tuple[float, ...]:
+    """To `DIGITS` significant digits, without rounding noise about zero."""
+    return tuple(0.0 if abs(value) < ZERO else float(f"{value:.{DIGITS}g}") for value in values)
+
+
+def columns(names: str, values: Iterable[float]) -> dict[str, float]:
+    """Values by the columns that they are written to, whose names are separated by blanks."""
+    return dict(zip(names.split(), values, strict=True))
+
+
+def quat_of(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
+    """Orientation (wxyz, w not negative) of a rotation matrix."""
+    return np.roll(Rotation.from_matrix(matrix).as_quat(canonical=True), 1)
+
+
+def round_axis(quat: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
+    """The smallest turn (wxyz) to the long axis of a cylinder or capsule, whose ends and angle about it are alike."""
+    axis = rotation.rotate(quat, np.array([0.0, 0.0, 1.0]))
+    x, y, z = np.where(np.abs(axis) < RIGHT_ANGLE, 0.0, axis).tolist()
+    if z < 0.0 or (z == 0.0 and (y > 0.0 or (y == 0.0 and x < 0.0))):
+        x, y, z = -x, -y, -z
+    length = np.hypot(x, y)
+    if length == 0.0:
+        return rotation.IDENTITY
+    return rotation.from_rotvec(np.arctan2(length, z) * np.array([-y, x, 0.0]) / length)
+
+
+def rpy_of(quat: Float[np.ndarray, " 4"]) -> tuple[float, ...]:
+    """Roll, pitch, yaw about fixed axes [rad] of an orientation (wxyz); right angles are exact."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: any of the equal triples will do
+        angles = Rotation.from_quat(np.roll(quat, -1)).as_euler("xyz")
+    steps = np.round(angles / (np.pi / 2))
+    near = np.abs(angles - steps * np.pi / 2) < RIGHT_ANGLE
+    exact = [step * (np.pi / 2) if right else angle for angle, step, right in zip(angles, steps, near, strict=True)]
+    return tuple(float(value) + 0.0 if right else rounded([value])[0] for value, right in zip(exact, near, strict=True))

@@ -1,7 +1,5 @@
 """Meshes of a maker's model: their vertices, and the primitive that stands for one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -37,7 +35,7 @@ def mesh_points(path: Path, scale: Sequence[float]) -> Float[np.ndarray, "n 3"]:
 
 def primitive_of(
     points: Float[np.ndarray, "n 3"],
-) -> tuple[str, Float[np.ndarray, 3], Float[np.ndarray, 4], tuple[float, ...]]:
+) -> tuple[str, Float[np.ndarray, " 3"], Float[np.ndarray, " 4"], tuple[float, ...]]:
     """(kind, position, orientation wxyz, size) of the sphere or capsule along a link axis that stands for a mesh."""
     low, high = points.min(axis=0), points.max(axis=0)
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -51,7 +49,7 @@ def primitive_of(
     return "capsule", centre, quat, (radius, float(half[axis]) - radius)
 
 
-def sole_box(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, 3], tuple[float, float, float]]:
+def sole_box(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " 3"], tuple[float, float, float]]:
     """(position, half extents) of the box on the flat bottom of a foot's mesh; it is half as high as the foot."""
     bottom, top = float(points[:, 2].min()), float(points[:, 2].max())
     flat = points[points[:, 2] <= bottom + FLAT]

@@ -1,9 +1,8 @@
 """The tables of a robot folder from a maker's model: what the file states, and proposals for the rest."""
 
-from __future__ import annotations
-
 import dataclasses
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,12 +14,11 @@ from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
 from pipeline.robot.description import SIDES, Config, Description
 from pipeline.robot.kinematics import compiled
+from pipeline.robot.legs import mirrored_name
 from pipeline.robot.robot_error import refuse
 from pipeline.robot.tables import JointRow, LinkRow
 from pipeline.robot_import.limbs import BEND, Body, Limb, find_body
-from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel
-from pipeline.robot_import.mirror_names import propose_pairs
-from pipeline.robot_import.numbers import columns, rounded, rpy_of
+from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, columns, rounded, rpy_of
 from pipeline.robot_import.propose_shapes import COLOURS, propose_shapes
 from pipeline.robot_import.propose_sites import FEET, HANDS, corner_names, propose_sites
 from pipeline.robot_import.stated import NOTHING, Stated
@@ -201,6 +199,41 @@ def _with_fingers(model: MakerModel, limb: Limb) -> list[int]:
     for link in links:
         links += [child for child in model.children(link) if child not in links]
     return links
+
+
+def propose_pairs(partners: Iterable[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """Pairs of name parts that turn each left name into its right one.
+
+    Args:
+        partners: (left, right) names of links, joints and sites that are mirror images
+    """
+    pairs: list[tuple[str, str]] = []
+    for left, right in partners:
+        if left != right and mirrored_name(left, pairs) != right:
+            pairs.append(_difference(left, right))
+    return tuple(pairs)
+
+
+def _difference(left: str, right: str) -> tuple[str, str]:
+    """What differs, widened to the whole words that it is part of: AL1, AR1 differ by AL, AR."""
+    start = _alike(left, right)
+    end = _alike(left[start:][::-1], right[start:][::-1])
+    while start > 0 and re.match(r"[A-Za-z]", left[start - 1]):
+        start -= 1
+    while end > 0 and re.match(r"[A-Za-z]", left[len(left) - end]):
+        end -= 1
+    if len(left) - end - start == 1:  # a single letter occurs in other words, too: take a separator with it
+        if end > 0:
+            end -= 1
+        elif start > 0:
+            start -= 1
+    return left[start : len(left) - end], right[start : len(right) - end]
+
+
+def _alike(first: str, second: str) -> int:
+    """Number of characters that two texts begin with alike."""
+    differing = (place for place, (a, b) in enumerate(zip(first, second, strict=False)) if a != b)
+    return next(differing, min(len(first), len(second)))
 
 
 def _to_check(model: MakerModel, body: Body, sites: tuple[str, ...], fitted: tuple[str, ...]) -> list[str]:

@@ -1,7 +1,5 @@
 """Rows of shapes.csv from a maker's shapes; primitives in place of meshes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +7,8 @@ import numpy as np
 from pipeline import rotation
 from pipeline.robot.tables import ShapeRow
 from pipeline.robot_import.limbs import Body
-from pipeline.robot_import.maker_model import MakerModel, MakerShape
+from pipeline.robot_import.maker_model import MakerModel, MakerShape, columns, round_axis, rounded, rpy_of
 from pipeline.robot_import.meshes import MESH_DECIMALS, primitive_of, sole_box
-from pipeline.robot_import.numbers import columns, round_axis, rounded, rpy_of
 
 COLOURS = {"shell": (0.86, 0.87, 0.88), "sole": (0.35, 0.36, 0.4)}
 SUFFIXES = ("_collision", "_visual")

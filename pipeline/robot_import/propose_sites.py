@@ -1,16 +1,13 @@
 """Rows of sites.csv: the maker's own sites, and proposals for soles, hands and the counterparts of human joints."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 
 from pipeline.robot.description import SIDES
 from pipeline.robot.tables import SiteRow
 from pipeline.robot_import.limbs import BEND, Body, Limb
-from pipeline.robot_import.maker_model import MakerModel, corner_points
+from pipeline.robot_import.maker_model import MakerModel, columns, corner_points, rounded
 from pipeline.robot_import.meshes import FLAT, MESH_DECIMALS
-from pipeline.robot_import.numbers import columns, rounded
 
 CORNERS = ("front_left", "front_right", "rear_right", "rear_left")
 WRIST = 0.86
@@ -73,7 +70,7 @@ def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
     return places
 
 
-def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, 2], Float[np.ndarray, 2], float]:
+def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], float]:
     """Lower and upper bounds of the sole in x and y, and its height, in the foot's frame [m]."""
     solid = [shape for shape in source.shapes if shape.link == foot and shape.collides]
     shapes = solid or [shape for shape in source.shapes if shape.link == foot]

@@ -1,7 +1,5 @@
 """Read a maker's model file by what it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 

@@ -1,7 +1,5 @@
 """Read an MJCF through MuJoCo's MjSpec."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco
@@ -11,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.robot_import.maker_model import MakerJoint, MakerModel, MakerShape, MakerSite, link_of
-from pipeline.robot_import.numbers import quat_of
+from pipeline.robot_import.maker_model import MakerJoint, MakerModel, MakerShape, MakerSite, link_of, quat_of
 
 KINDS = {
     mujoco.mjtGeom.mjGEOM_BOX: ("box", 3),

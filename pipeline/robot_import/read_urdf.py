@@ -1,7 +1,5 @@
 """Read a URDF: tree, limits and inertias by Pinocchio, shapes from the file."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree as Xml
@@ -11,9 +9,8 @@ import pinocchio
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
-from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite, link_of
+from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite, link_of, quat_of
 from pipeline.robot_import.meshes import mesh_points
-from pipeline.robot_import.numbers import quat_of
 
 KINDS = ("revolute", "continuous", "fixed")
 ROOT_JOINT = 1

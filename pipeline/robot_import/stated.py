@@ -1,16 +1,15 @@
 """What a person states of a robot's joints: a CSV with the column `joint` and any other columns of joints.csv."""
 
-from __future__ import annotations
-
 import io
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import FileError
 from pipeline.files.csv_json import csv_records, read_csv_text
+from pipeline.robot.tables import parse_cells
 
 COLUMNS = ("lower", "upper", "urdf_speed", "motor_speed", "torque", "armature", "kp", "kd", "default_pos")
+HINTS: dict[str, type] = {**dict.fromkeys(COLUMNS, float), "controlled": bool}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,12 +28,12 @@ NOTHING = Stated()
 
 
 def read_stated(path: Path, joints: tuple[str, ...]) -> Stated:
-    """Read a table for the joints of a model. Empty cells state nothing. Raises FileError with every fault."""
+    """Read a table for the joints of a model. Empty cells state nothing. Raises FileError with the line."""
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name a CSV with the column joint.")
     rows = csv_records(io.StringIO(read_csv_text(path), newline=""), path)
     header = [name.strip() for name in next(rows, [])]
-    unknown = [name for name in header[1:] if name not in (*COLUMNS, "controlled")]
+    unknown = [name for name in header[1:] if name not in HINTS]
     if not header or header[0] != "joint" or unknown or len(set(header)) < len(header):
         do = f"The first must be joint, the others of: controlled, {', '.join(COLUMNS)}."
         raise FileError(path, f"its columns are {', '.join(header) or 'missing'}.", do, line=1)
@@ -46,19 +45,10 @@ def read_stated(path: Path, joints: tuple[str, ...]) -> Stated:
         joint = row[0]
         if joint not in joints:
             raise FileError(path, f"there is no joint '{joint}'.", f"There are: {', '.join(joints)}.", line=line)
-        for name, text in zip(header[1:], row[1:], strict=True):
-            if not text.strip():
-                continue
-            if name == "controlled":
-                if text not in ("yes", "no"):
-                    raise FileError(path, f"controlled of '{joint}' is '{text}'.", "Write yes or no.", line=line)
-                controlled[joint] = text == "yes"
-                continue
-            try:
-                number = float(text)
-            except ValueError:
-                number = math.nan
-            if not math.isfinite(number):
-                raise FileError(path, f"{name} of '{joint}' is '{text}'.", "Write a finite number.", line=line)
-            numbers[name][joint] = number
+        given = {name: text for name, text in zip(header[1:], row[1:], strict=True) if text.strip()}
+        values, problems = parse_cells(given, HINTS, ())
+        for problem, do in problems:
+            raise FileError(path, f"'{joint}': {problem}", do, line=line)
+        for name, value in values.items():
+            (controlled if name == "controlled" else numbers[name])[joint] = value
     return Stated(path=path, numbers=numbers, controlled=controlled)

@@ -1,7 +1,5 @@
 """Write a proposed robot folder, with a README that says where each column comes from and what is open."""
 
-from __future__ import annotations
-
 import dataclasses
 import tempfile
 from pathlib import Path

@@ -1,10 +1,10 @@
 """Select windows of all clips according to the curation, and what a raised limit of a skill adds."""
 
 import dataclasses
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from itertools import zip_longest
 from typing import Any
 
 import pandas as pd
@@ -87,16 +87,9 @@ def _recording(window: str) -> str:
     return window.rpartition("@")[0] or window
 
 
-def _in_turns(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+def _in_turns(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows in round-robin order over sources, within a source over files, within a file the best first."""
-    sources: dict[str, dict[str, list[dict[str, Any]]]] = {}
-    for row in sorted(rows, key=_rank):
-        sources.setdefault(str(row["source"]), {}).setdefault(str(row["file"]), []).append(row)
-    yield from _alternate([list(_alternate(_by_name(files))) for files in _by_name(sources)])
-
-
-def _by_name(groups: dict[str, Any]) -> list[Any]:
-    return [groups[name] for name in sorted(groups)]
+    return _alternate(_alternate(sorted(rows, key=_rank), "source", "file"), "source")
 
 
 def _rank(row: dict[str, Any]) -> tuple[float, float, str]:
@@ -105,10 +98,14 @@ def _rank(row: dict[str, Any]) -> tuple[float, float, str]:
     return (-round(row["seconds"], 1), float(off) if off is not None and off == off else 0.0, row["clip"])
 
 
-def _alternate(groups: list[list[dict[str, Any]]]) -> Iterator[dict[str, Any]]:
-    """Interleave groups: the first of each, then the second of each, and so on."""
-    for turn in zip_longest(*groups):
-        yield from (row for row in turn if row is not None)
+def _alternate(rows: list[dict[str, Any]], *columns: str) -> list[dict[str, Any]]:
+    """The first row of each group with equal `columns`, by their text; then the second of each, and so on."""
+    turns, seen = [], Counter[tuple[str, ...]]()
+    for row in rows:
+        group = tuple(str(row[each]) for each in columns)
+        turns.append((seen[group], group, row))
+        seen[group] += 1
+    return [row for *_, row in sorted(turns, key=lambda turn: turn[:2])]
 
 
 CLOSE_S = 1e-6
@@ -121,19 +118,16 @@ class RaisedBound:
 
     skill: str
     bound_s: float | None
-    """Previous limit [s]; None without a limit."""
     wanted_s: float | None
-    """New limit [s]."""
+    """Previous and new limit [s]; None without a limit."""
     there_s: float
     """Seconds of windows that are eligible except for the limit."""
     before_s: float
-    """Seconds selected under the previous limit."""
     taken_s: float
-    """Seconds selected now."""
+    """Seconds selected under the previous limit, and now."""
     more_windows: int
-    """Windows selected now and not before."""
     fewer_windows: int
-    """Shorter windows that were dropped for them."""
+    """Windows selected now and not before, and shorter ones that were dropped for them."""
 
     @property
     def reached(self) -> bool:

@@ -23,16 +23,7 @@ from pipeline.batch import Manifest
 from pipeline.clips.outcome import LABELS, Reason
 from pipeline.errors import FileError, SettingsError
 from pipeline.files import atomic, settings
-from pipeline.files.ranges import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    SHARE,
-    Allowed,
-    Keys,
-    OneOf,
-    Pattern,
-    Range,
-)
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, Keys, OneOf, Pattern, Range
 from pipeline.selection.skills import SkillBounds
 
 ACCEPT, EXCLUDE = "accept", "exclude"
@@ -77,10 +68,7 @@ def exclusions(decisions: Iterable[Decision]) -> dict[str, Decision]:
 
 
 def without_excluded(manifest: Manifest, decisions: Sequence[Decision]) -> Manifest:
-    """The manifest without the clips that a person excluded, under their own name or that of the clip they came from.
-
-    Each of them keeps the decision as the reason of its rejection.
-    """
+    """The manifest without clips excluded by a person, by own or first name; each keeps the decision as its reason."""
     excluded = exclusions(decisions)
     input_of = {piece: row.clip for row in manifest.judged for piece in row.pieces}
     dropped: dict[str, dict[str, Any]] = {}

@@ -22,14 +22,10 @@ from pipeline.files.ranges import POSITIVE, Range, check, increasing
 def segment(
     cost: Float[np.ndarray, "t k"], shortest: Int[np.ndarray, " k"], cut_price: float
 ) -> list[tuple[int, int, int]]:
-    """Stretches `(start, stop, label)` that tile the frames, in order; neighbours differ in label.
+    """Stretches `(start, stop, label)` that tile the frames at the least cost; neighbours differ in label.
 
-    Args:
-        cost: cost of each label at each frame
-        shortest: least number of frames of a stretch of each label
-        cut_price: price of one cut, in the unit of the costs
-
-    A clip too short for any label's least length gives one stretch of the label that is cheapest throughout.
+    `shortest` is the least number of frames of each label. A clip too short for any of them gives one stretch of the
+    label that is cheapest throughout.
     """
     count, labels = cost.shape
     if count < shortest.min():

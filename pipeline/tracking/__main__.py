@@ -8,8 +8,6 @@ Several GPUs: `torchrun --nproc-per-node 2 -m pipeline.tracking ...`; `--num-env
 Exit status: 0 when done, 2 for wrong arguments or files, 130 when interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

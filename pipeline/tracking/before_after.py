@@ -4,8 +4,6 @@ A reference has no torques, so saturation is the rollout's alone. Speed and drif
 are measured at the robot's own place and heading, where a rollout that moves at another speed has none.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,9 +5,6 @@
 <folder>/bundle.json             digests of robot, motions and files, and the clips' licences
 """
 
-from __future__ import annotations
-
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
+from pipeline.learning.robot_facts import RobotFacts, read_head, read_robot_facts
 from pipeline.learning.training_error import TrainingError
 from pipeline.tracking.task import CONTROL_HZ
 
@@ -57,21 +54,10 @@ class TrackingBundle:
 
 def read_tracking_bundle(folder: Path) -> TrackingBundle:
     """The bundle in a folder. Raises TrainingError where a file is missing, changed or of another schema."""
-    head = _bytes(folder / "bundle.json")
-    try:
-        about = json.loads(head)
-    except ValueError as error:
-        raise TrainingError(f"{folder}/bundle.json: is not JSON ({error}). Write the bundle again.") from error
-    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
-        found = about.get("schema") if isinstance(about, dict) else about
-        raise TrainingError(f"{folder}/bundle.json: schema {found!r}; this version reads {SCHEMA!r}.")
-    for name, expected in about["files"].items():
-        if hashlib.sha256(_bytes(folder / name)).hexdigest() != expected:
-            raise TrainingError(f"{folder / name}: its digest is not the one in bundle.json. Write the bundle again.")
+    about, digest = read_head(folder, SCHEMA)
     robot = read_robot_facts(folder)
     if not robot.key_links or robot.key_links[0] != robot.root_link:
         raise TrainingError(f"{folder}/robot.json: 'key_links' must begin with the root link '{robot.root_link}'.")
-    digest = hashlib.sha256(head).hexdigest()
     return TrackingBundle(robot=robot, motions=_motions(folder / "motions.npz", robot), about=about, digest=digest)
 
 
@@ -100,9 +86,3 @@ def _motions(path: Path, robot: RobotFacts) -> Motions:
     if len(motions.names) == 0:
         raise TrainingError(f"{path}: has no clip to track.")
     return motions
-
-
-def _bytes(path: Path) -> bytes:
-    if not path.is_file():
-        raise TrainingError(f"{path}: the file is missing. pipeline.tracking.write_bundle writes a bundle.")
-    return path.read_bytes()

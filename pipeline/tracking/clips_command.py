@@ -1,7 +1,5 @@
 """mjlab's `MotionCommand` for many clips: no episode crosses a seam; hard seconds are sampled more often."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from typing import cast
@@ -29,7 +27,7 @@ class ClipsCommandCfg(MotionCommandCfg):
     uniform_share: float = 0.5
     """Share of episodes that begin at a frame drawn uniformly; the rest begin where episodes failed."""
 
-    def build(self, env: ManagerBasedRlEnv) -> ClipsCommand:
+    def build(self, env: ManagerBasedRlEnv) -> "ClipsCommand":
         return ClipsCommand(self, env)
 
 
@@ -101,7 +99,7 @@ class ReferenceResidualCfg(ActionTermCfg):
     largest_lag: int = 2
     """Targets arrive 0 to so many physics steps late, drawn for each episode."""
 
-    def build(self, env: ManagerBasedRlEnv) -> ReferenceResidual:
+    def build(self, env: ManagerBasedRlEnv) -> "ReferenceResidual":
         return ReferenceResidual(self, env)
 
 

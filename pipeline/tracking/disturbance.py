@@ -1,15 +1,13 @@
 """What disturbs a rollout, drawn from a seed: pushes, friction, mass, gains, delay, start offset, action noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from pipeline.physics import PHYSICS_S
 from pipeline.simulation.plant import Push
 from pipeline.tracking.settings import DisturbanceSettings
-from pipeline.tracking.task import PHYSICS_S
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
 """The environment that a tracker is trained in: mjlab's tracking task on the robot of a bundle, with many clips."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco
@@ -19,10 +17,11 @@ from mjlab.tasks.tracking.tracking_env_cfg import VELOCITY_RANGE, make_tracking_
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.robot_entity import robot_entity
 from pipeline.learning.robot_facts import RobotFacts
+from pipeline.physics import PHYSICS_S
 from pipeline.tracking.bundle import Motions, TrackingBundle
 from pipeline.tracking.clips_command import ClipsCommandCfg, ReferenceResidualCfg, clip_ended
 from pipeline.tracking.reference import ReferenceStates, reference_states
-from pipeline.tracking.task import DECIMATION, OBSERVATION, PATH_M, PHYSICS_S
+from pipeline.tracking.task import DECIMATION, OBSERVATION, PATH_M
 
 MOTION = "motion"
 """Name of the command term, as in mjlab's task."""

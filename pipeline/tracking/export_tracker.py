@@ -9,11 +9,10 @@
 Every clip of the bundle is rolled out once without disturbance; the figures go into the card.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
@@ -25,11 +24,11 @@ from pipeline.learning.policy_file import write_policy
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import load_robot
 from pipeline.tracking.bundle import check_trained_on, read_tracking_bundle
-from pipeline.tracking.evaluate import nominal_rollouts
-from pipeline.tracking.nominal_rollout import clips_of, figures
+from pipeline.tracking.nominal_rollout import clips_of, figures, nominal_rollout
+from pipeline.tracking.process import Setup
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker_file import tracker_arrays
-from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, Trained, write_tracker_folder
+from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, write_tracker_folder
 
 SETTINGS = Path(__file__).resolve().parents[2] / "data" / "tracking.yaml"
 
@@ -50,9 +49,10 @@ def export_tracker(
     check_trained_on(bundle, run)
     state = load_checkpoint(newest, "cpu")
     write_policy(run / NETWORK, tracker_arrays(state, bundle.robot))
-    found = nominal_rollouts(clips_of(bundle.motions, robot), robot, envelope, run / NETWORK, values, pool)
-    trained = Trained(run=run, iterations=state["iteration"], bundle=bundle.about, clips=bundle.motions.names)
-    return write_tracker_folder(out, trained, figures(found), made)
+    setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=run / NETWORK)
+    calls = [(clip,) for clip in clips_of(bundle.motions, robot)]
+    found = list(pool.map(partial(nominal_rollout, setup=setup), calls))
+    return write_tracker_folder(out, run, state["iteration"], bundle, figures(found), made)
 
 
 def main(arguments: Sequence[str]) -> int:

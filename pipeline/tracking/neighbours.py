@@ -5,8 +5,6 @@ and mirror images. Variants (time scales, perturbations) are nobody's neighbours
 depend on which variants are asked for, and further ones that failures on hardware ask for change no earlier verdict.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping

@@ -1,19 +1,15 @@
 """How well a tracker follows a reference: its nominal rollout. Needs no more packages than a GPU host has."""
 
-from __future__ import annotations
-
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
-from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.bundle import Motions
-from pipeline.tracking.process import process
-from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.process import Setup, process
 from pipeline.tracking.task import CONTROL_HZ
 
 
@@ -46,12 +42,10 @@ def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:
     ]
 
 
-def nominal_rollout(
-    clip: RobotClip, *, settings: TrackingSettings, robot: Robot, envelope: TorqueEnvelope, tracker: Path
-) -> NominalRollout:
+def nominal_rollout(clip: RobotClip, *, setup: Setup) -> NominalRollout:
     """The rollout of a reference without disturbance. Raises as `pipeline.tracking.process.process` does."""
-    needed = {"settings": settings.nominal(), "robot": robot, "envelope": envelope, "tracker": tracker}
-    numbers = process(clip, {"variant": ""}, **needed).numbers
+    undisturbed = dataclasses.replace(setup, settings=setup.settings.nominal())
+    numbers = process(clip, {"variant": ""}, setup=undisturbed).numbers
     errors = {name: float(numbers[name] or 0.0) for name in ("body_error_m", "joint_error_rad", "path_error_m")}
     return NominalRollout(clip=clip.name, survived=bool(numbers["survived"]), seconds=clip.duration_s, **errors)
 

@@ -1,7 +1,5 @@
 """KP4 on one reference: its nominal rollout and its disturbed ones, cut where tracking fails."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import math
@@ -31,15 +29,17 @@ AS_RETARGETED = ("original", "mirror")
 """Variants that show the motion as it was retargeted."""
 
 
-def process(
-    clip: RobotClip,
-    numbers: Numbers,
-    *,
-    settings: TrackingSettings,
-    robot: Robot,
-    envelope: TorqueEnvelope,
-    tracker: Path,
-) -> Outcome:
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What rollouts need besides their reference."""
+
+    settings: TrackingSettings
+    robot: Robot
+    envelope: TorqueEnvelope
+    tracker: Path
+
+
+def process(clip: RobotClip, numbers: Numbers, *, setup: Setup) -> Outcome:
     """The rollouts of a reference: `<name>~rollout`, and `<name>~rollout1`, … under disturbances.
 
     A piece carries its reference and place in it, its disturbance and its tracking errors, and with its motion the
@@ -49,7 +49,7 @@ def process(
     Raises ClipError for a clip of another rate or of less than three frames, FileError for a tracker that does not
     fit.
     """
-    rollouts = _Rollouts(clip, settings, robot, envelope, tracker)
+    rollouts, settings = _Rollouts(clip, setup), setup.settings
     count = disturbed_count(clip, numbers, settings)
     nominal = rollouts.of(0)
     pieces = rollouts.pieces(nominal, numbers)
@@ -60,7 +60,7 @@ def process(
         text = f"its rollouts are shorter than {settings.shortest_s:g} s"
         reasons = [Reason(code="too_short", text=text, effect="rejected", value=clip.duration_s, unit="s")]
     disturbed = sum(piece.numbers["rollout"] != 0 for piece in pieces)
-    found = _figures(clip, nominal.stretches, robot) | {"rollouts": count + 1, "disturbed_pieces": disturbed}
+    found = _figures(clip, nominal.stretches, setup.robot) | {"rollouts": count + 1, "disturbed_pieces": disturbed}
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers=found)
 
 
@@ -73,40 +73,23 @@ def disturbed_count(clip: RobotClip, numbers: Numbers, settings: TrackingSetting
     return max(settings.disturbed, math.ceil(settings.disturbed_s / clip.duration_s))
 
 
-def disturbed_motion(
-    clip: RobotClip,
-    numbers: Numbers,
-    *,
-    settings: TrackingSettings,
-    robot: Robot,
-    envelope: TorqueEnvelope,
-    tracker: Path,
-    longest_s: float,
-) -> Outcome:
+def disturbed_motion(clip: RobotClip, numbers: Numbers, *, setup: Setup, longest_s: float) -> Outcome:
     """The first disturbed rollout of the first `longest_s` seconds of a reference, without forces.
 
     Raises as `process` does.
     """
     part = clip.cut(0, min(clip.frame_count, round(longest_s * clip.fps)), clip.name)
-    rollouts = _Rollouts(part, settings, robot, envelope, tracker)
+    rollouts = _Rollouts(part, setup)
     pieces = rollouts.pieces(rollouts.of(1), numbers)
     return Outcome(pieces=tuple(dataclasses.replace(piece, clip=_motion(piece.clip)) for piece in pieces))
 
 
-def motion_to_failure(
-    clip: RobotClip,
-    numbers: Numbers,
-    *,
-    settings: TrackingSettings,
-    robot: Robot,
-    envelope: TorqueEnvelope,
-    tracker: Path,
-) -> Outcome:
+def motion_to_failure(clip: RobotClip, numbers: Numbers, *, setup: Setup) -> Outcome:
     """The nominal rollout from the first frame of a reference to the frame at which it fails, without forces.
 
     Raises as `process` does.
     """
-    first = _Rollouts(clip, settings, robot, envelope, tracker).of(0).stretches[0]
+    first = _Rollouts(clip, setup).of(0).stretches[0]
     return Outcome(pieces=(Piece(clip=_motion(first.clip), numbers={"seconds": first.clip.duration_s}),))
 
 
@@ -127,14 +110,13 @@ class _Rollout:
 class _Rollouts:
     """A reference and all that its rollouts need."""
 
-    def __init__(
-        self, clip: RobotClip, settings: TrackingSettings, robot: Robot, envelope: TorqueEnvelope, tracker: Path
-    ):
+    def __init__(self, clip: RobotClip, setup: Setup):
         if clip.fps != CONTROL_HZ or clip.frame_count < 3:
             got = f"has {clip.frame_count} frames at {clip.fps:g} Hz"
             raise ClipError(clip.name, "rate", f"{got}; at least 3 at {CONTROL_HZ:g} Hz are needed")
-        self._clip, self._robot, self._settings = clip, robot, scaled(settings, robot)
-        self._plant, self._tracker = Plant(robot=robot, envelope=envelope), load_tracker(tracker, robot)
+        self._clip, self._robot, self._settings = clip, setup.robot, scaled(setup.settings, setup.robot)
+        self._plant = Plant(robot=setup.robot, envelope=setup.envelope)
+        self._tracker = load_tracker(setup.tracker, setup.robot)
 
     def of(self, number: int) -> _Rollout:
         """The rollout of a number, under the disturbance that belongs to it."""

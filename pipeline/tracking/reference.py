@@ -1,7 +1,5 @@
 """A reference motion as the tracking task reads it, at 50 Hz, and what the tracker observes of it and the robot."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -1,7 +1,5 @@
 """One reference rolled out by the tracker in plain MuJoCo, with all forces recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +8,7 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
-from pipeline.physics import GRAVITY
+from pipeline.physics import GRAVITY, PHYSICS_S
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, simulated_model
 from pipeline.simulation.terrain import FlatGround
@@ -18,7 +16,7 @@ from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.tracking.disturbance import NONE, Disturbance
 from pipeline.tracking.reference import key_link_index, observe, reference_states
 from pipeline.tracking.settings import FailureSettings
-from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION, PHYSICS_S
+from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION
 from pipeline.tracking.tracker import Tracker
 
 CONTACT_SHARE = 0.1
@@ -149,7 +147,7 @@ class _World:
             action = action + noise.astype(np.float32)
         return action
 
-    def _step(self, tick: int, target: np.ndarray, before: np.ndarray, record: _Record) -> None:
+    def _step(self, tick: int, target: np.ndarray, before: np.ndarray, record: "_Record") -> None:
         """One control step: four physics steps with explicit motor torques."""
         data, model, motors, late = self._data, self._model, self._motors, self._disturbance.delay_steps
         push = self._push(tick / CONTROL_HZ)
@@ -193,7 +191,7 @@ class _World:
         away = float(np.linalg.norm(data.xpos[1] - reference.body_pos_w[frame, 0]))
         return f"the root is {away:.2f} m off the reference's path" if away > settings.path else ""
 
-    def _recorded(self, record: _Record, start: int) -> RobotClip:
+    def _recorded(self, record: "_Record", start: int) -> RobotClip:
         qpos = np.array(record.qpos)
         forces = record.as_forces()
         return RobotClip(

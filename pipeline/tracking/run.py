@@ -1,7 +1,5 @@
 """One training run of a tracker: from its bundle to checkpoints, curves and the tracker file."""
 
-from __future__ import annotations
-
 import os
 import platform
 import time

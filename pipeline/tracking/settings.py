@@ -1,7 +1,5 @@
 """How references are rolled out: the settings of `data/tracking.yaml`."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Annotated
@@ -75,6 +73,6 @@ class TrackingSettings:
     failure: FailureSettings
     disturbance: DisturbanceSettings
 
-    def nominal(self) -> TrackingSettings:
+    def nominal(self) -> "TrackingSettings":
         """The same with no disturbed rollout."""
         return dataclasses.replace(self, disturbed=0, disturbed_variants=0)

@@ -1,12 +1,7 @@
 """What training on a GPU and rollouts on a CPU have in common: rates, action, order of the observation."""
 
-from __future__ import annotations
-
 CONTROL_HZ = 50.0
 """Rate of the tracker, and of the clips it tracks [Hz]."""
-
-PHYSICS_S = 0.005
-"""Physics step [s]."""
 
 DECIMATION = 4
 """Physics steps a control step."""

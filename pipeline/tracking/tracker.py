@@ -1,7 +1,5 @@
 """A trained tracker: its network, and the robot, joints and links it was trained for."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The arrays of a tracker file, from a checkpoint: network, robot, joints, links, gains and action scale."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

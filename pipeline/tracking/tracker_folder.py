@@ -7,17 +7,15 @@
 `python -m pipeline.tracking.export_tracker` writes one from a training run.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FileError
-from pipeline.files import atomic, digest
+from pipeline.files import atomic, digest, settings
 from pipeline.files.csv_json import read_json
-from pipeline.tracking.bundle import CONFIG
+from pipeline.tracking.bundle import CONFIG, TrackingBundle
 
 SCHEMA = "booster-lab tracker 1"
 NETWORK, CURVES, CARD = "tracker.npz", "curves.csv", "card.json"
@@ -45,64 +43,52 @@ def read_card(folder: Path) -> TrackerCard:
     path = folder / CARD
     if not path.is_file():
         raise FileError(path, "it is missing: the folder has no tracker.", "Train one, or name another folder.")
-    try:
-        value = read_json(path, "a card of a tracker", "Write the folder again.")
-        if value.pop("schema") != SCHEMA:
-            raise ValueError("another schema")
-        card = TrackerCard(**{**value, "clips": tuple(value["clips"]), "licences": tuple(value["licences"])})
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError(path, f"is no card of a tracker ({error}).", "Write the folder again.") from error
+    value = read_json(path, "a card of a tracker", "Write the folder again.")
+    if not isinstance(value, dict) or value.pop("schema", None) != SCHEMA:
+        raise FileError(path, f"is no card of a tracker of schema {SCHEMA!r}.", "Write the folder again.")
+    card = settings.parse(TrackerCard, value, path)
     for name, expected in card.files.items():
         if not (folder / name).is_file() or digest.of_file(folder / name) != expected:
             raise FileError(folder / name, "is missing or not the file of its card.", "Write the folder again.")
     return card
 
 
-@dataclass(frozen=True, kw_only=True)
-class Trained:
-    """A training run at one of its checkpoints."""
-
-    run: Path
-    """Folder of the run; its `tracker.npz` is the checkpoint's network."""
-    iterations: int
-    bundle: dict[str, Any]
-    """`bundle.json` of what it was trained on."""
-    clips: tuple[str, ...]
-    """Names of its clips."""
-
-
 def write_tracker_folder(
-    folder: Path, trained: Trained, figures: dict[str, float], made: dict[str, str]
+    folder: Path, run: Path, iterations: int, bundle: TrackingBundle, figures: dict[str, float], made: dict[str, str]
 ) -> TrackerCard:
     """Copy network and curves of a training run to `folder` and write its card.
 
-    `figures` are those of the nominal rollouts of its clips, `made` is `command` and `commit`. Raises FileError where
-    the run lacks a file.
+    Args:
+        run: folder of the run; its `tracker.npz` is the network after `iterations`
+        bundle: what it was trained on
+        figures: those of the nominal rollouts of its clips
+        made: `command` and `commit`
+
+    Raises FileError where the run lacks a file.
     """
-    run, bundle = trained.run, trained.bundle
     for name in (NETWORK, CURVES, CONFIG):
         if not (run / name).is_file():
             raise FileError(run / name, "it is missing: the run has not ended.", "Repeat its command with --resume.")
     config = json.loads((run / CONFIG).read_text())
     head, *rows = (run / CURVES).read_text().splitlines()
-    rows = rows[: trained.iterations]
+    rows = rows[:iterations]
     last = dict(zip(head.split(","), rows[-1].split(","), strict=True))
     training = {
         **made,
         **{name: config[name] for name in ("seed", "num_envs", "processes", "device", "versions")},
         "bundle": config["bundle_digest"],
-        "robot_digest": bundle["robot_digest"],
-        "seconds_of_motion": bundle["seconds"],
-        "iterations": trained.iterations,
+        "robot_digest": bundle.about["robot_digest"],
+        "seconds_of_motion": bundle.about["seconds"],
+        "iterations": iterations,
         "minutes": round(float(last["seconds"]) / 60.0, 1),
     }
     atomic.write_bytes(folder / NETWORK, (run / NETWORK).read_bytes())
     atomic.write_bytes(folder / CURVES, "".join(f"{row}\n" for row in (head, *rows)).encode())
     files = {name: digest.of_file(folder / name) for name in (NETWORK, CURVES)}
     card = TrackerCard(
-        robot=bundle["robot"],
-        clips=trained.clips,
-        licences=tuple(bundle["licences"]),
+        robot=bundle.about["robot"],
+        clips=bundle.motions.names,
+        licences=tuple(bundle.about["licences"]),
         training=training,
         figures=figures,
         files=files,

@@ -1,7 +1,5 @@
 """How many disturbed rollouts of each source clip KP5 accepts, and how far they are from the motion they tracked."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 
 import numpy as np

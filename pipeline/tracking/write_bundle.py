@@ -1,7 +1,5 @@
 """Write a tracking bundle of reference motions and an adapted robot."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterable

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
+from pipeline.learning.robot_facts import RobotFacts, read_head, read_robot_facts
 from pipeline.learning.training_error import TrainingError
 
 SCHEMA = "booster-lab training bundle 2"
@@ -117,23 +115,14 @@ def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
 
     Raises TrainingError where a file is missing, changed or of another schema, or no clip is left.
     """
-    head = _bytes(folder / "bundle.json")
-    try:
-        about = json.loads(head)
-    except ValueError as error:
-        raise TrainingError(f"{folder}/bundle.json: is not JSON ({error}). {CURE}") from error
-    if about.get("schema") != SCHEMA:
-        raise TrainingError(f"{folder}/bundle.json: schema {about.get('schema')!r}, this version reads {SCHEMA!r}.")
-    for name, stated in about["files"].items():
-        if hashlib.sha256(_bytes(folder / name)).hexdigest() != stated:
-            raise TrainingError(f"{folder / name}: its digest is not the one bundle.json states. {CURE}")
+    about, digest = read_head(folder, SCHEMA)
     robot = read_robot_facts(folder)
     return Bundle(
         folder=folder,
         robot=robot,
         expert=_expert(folder / "expert.npz", use_augmented),
         about=about,
-        digest=hashlib.sha256(head).hexdigest(),
+        digest=digest,
         teacher=_teacher(folder, robot) if TRACKER in about["files"] else None,
     )
 
@@ -171,9 +160,3 @@ def _teacher(folder: Path, robot: RobotFacts) -> Teacher:
     if not len(references.names):
         raise TrainingError(f"{folder / REFERENCES}: has no clip that the tracker follows to its end. {CURE}")
     return Teacher(network=network, references=references)
-
-
-def _bytes(path: Path) -> bytes:
-    if not path.is_file():
-        raise TrainingError(f"{path}: the file is missing. {CURE}")
-    return path.read_bytes()

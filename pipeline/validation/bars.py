@@ -5,8 +5,6 @@ The rules in `data/validation.yaml` are written by hand, and scaled to each robo
 where no policy walks on the robot yet.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

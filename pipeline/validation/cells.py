@@ -1,7 +1,5 @@
 """The cells of the protocol: trials, and the figures that are evaluated."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

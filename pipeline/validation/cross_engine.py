@@ -6,8 +6,6 @@ agree. MuJoCo and the bridge differ in the armature on the links, the bridge and
 difference that the bridge has to MuJoCo as well comes from the approximation; it is listed, not counted.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

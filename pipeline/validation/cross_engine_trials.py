@@ -1,7 +1,5 @@
 """Failures in an engine, written as logs of a virtual robot."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 from typing import Any

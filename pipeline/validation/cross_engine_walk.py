@@ -1,7 +1,5 @@
 """One cell of the grid in one engine: the walk, and its figures."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

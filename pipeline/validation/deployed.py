@@ -1,7 +1,5 @@
 """A policy deployed on a robot, shared by every engine and cell."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass, field
@@ -11,16 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.actuators.adapted_robot import TABLE, read_actuators, torque_envelope
-from pipeline.actuators.standing import read_standing_pose
 from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy_task
-from pipeline.errors import FileError, PipelineError
+from pipeline.errors import PipelineError
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
-
-ANKLE_KD = 2.0
-"""Ankle damping with which Booster deploys its published policy, twice the robot's [N m s/rad]."""
 
 
 class AnkleDampingError(PipelineError):
@@ -61,26 +55,6 @@ def deployed(folder: Path, policy: Policy) -> Deployed:
     adapted = (folder / TABLE).is_file()
     envelope = torque_envelope(read_actuators(folder)) if adapted else TorqueEnvelope(limit=robot.torque_limit)
     return Deployed(robot=robot, task=policy_task(robot, policy), policy=policy, envelope=envelope)
-
-
-def anchor(folder: Path, policy: Policy) -> Deployed:
-    """A policy on the model of the published figures: the manufacturer's armatures (none at hip and knee), constant
-    torque limits, ankle damping `ANKLE_KD`.
-
-    Raises FileError if the robot's folder lacks these armatures.
-    """
-    robot = load_robot(folder)
-    pose = read_standing_pose(folder, robot)
-    if pose is None:
-        raise FileError(folder / "standing.csv", "it is missing, and with it the manufacturer's armatures.")
-    plain = Deployed(
-        robot=robot,
-        task=policy_task(robot, policy),
-        policy=policy,
-        envelope=TorqueEnvelope(limit=robot.torque_limit),
-        armature=pose.vendor_armature,
-    )
-    return with_ankle_kd(plain, ANKLE_KD)
 
 
 def with_ankle_kd(one: Deployed, kd: float) -> Deployed:

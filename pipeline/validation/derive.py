@@ -4,26 +4,22 @@ Run the rollouts of each verdict with each ankle damping of the robot's `validat
 it has none), and write the bars: the worst figure of all trials plus its margin. Bars of other parts are kept.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import itertools
-import json
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from pipeline.batch import ClipPool
 from pipeline.deployment import digest as policy_digest
 from pipeline.deployment import load_policy
 from pipeline.errors import FileError, PipelineError
-from pipeline.files import atomic, digest, settings
+from pipeline.files import atomic, settings
 from pipeline.robot.legs import legs_of
 from pipeline.robot.load import read_description
 from pipeline.validation.bars import (
@@ -35,12 +31,11 @@ from pipeline.validation.bars import (
     derived,
     scaled_to,
 )
-from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.derived_bars import engine_bars, limit_cycle_bars, webots_bars
-from pipeline.validation.figures import Measured, measure
+from pipeline.validation.figures import measure
 from pipeline.validation.limit_cycle_walks import limit_cycles
 from pipeline.validation.limit_cycles import LimitCycleSettings
 from pipeline.validation.suites import full
@@ -48,47 +43,6 @@ from pipeline.webots.launch import NOT_RUN
 from pipeline.webots.project import write_project
 from pipeline.webots.result import WalkResult, WebotsSettings
 from pipeline.webots.validate import run_stand_in
-
-
-def cell_digest(one: Deployed, cell: Cell) -> str:
-    """Digest of everything that a cell's numbers depend on, except the code."""
-    task, policy, motors = one.task, one.policy, one.envelope
-    arrays = [task.kp, task.kd, task.default_joint_pos, policy.mean, policy.scale]
-    arrays += [part for layer in policy.layers for part in layer]
-    arrays += [motors.limit, motors.knee_speed, motors.no_load_speed, one.armature]
-    parts = ["" if each is None else digest.of_bytes(np.ascontiguousarray(each).tobytes()) for each in arrays]
-    plain = [task.joint_names, task.policy_joints, task.action_scale, task.history, task.control_hz]
-    trials = [repr(trial) for trial in cell.trials]
-    return digest.of_json([one.robot.digest, plain, parts, type(one.reads).__name__, trials])
-
-
-def write_numbers(path: Path, one: Deployed, measured: Sequence[Measured]) -> None:
-    """Add the numbers of cells to a file; other entries are kept."""
-    known = _read(path)
-    for each in measured:
-        known[cell_digest(one, each.cell)] = {"cell": each.cell.name, "trials": list(each.trials)}
-    lines = [f'"{key}": {json.dumps(value, sort_keys=True)}' for key, value in sorted(known.items())]
-    atomic.write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
-
-
-def read_numbers(path: Path, one: Deployed, cells: Sequence[Cell]) -> dict[str, Measured]:
-    """The cells that the file contains, by name."""
-    known = _read(path)
-    return {
-        cell.name: Measured(cell=cell, trials=tuple(found["trials"]))
-        for cell in cells
-        if (found := known.get(cell_digest(one, cell)))
-    }
-
-
-def _read(path: Path) -> dict[str, Any]:
-    if not path.is_file():
-        return {}
-    try:
-        return json.loads(path.read_text())
-    except (ValueError, RecursionError) as error:
-        raise FileError(path, f"is no JSON ({error}).", "Remove it.") from error
-
 
 RULES = Path("data/validation.yaml")
 ROBOTS = Path("robots")
@@ -128,17 +82,6 @@ def text_of(found: RobotBars) -> str:
     return HEADER.format(command=found.reference.command) + body
 
 
-def measured_or_kept(one: Deployed, cells: Sequence[Cell], pool: ClipPool, kept: Path | None) -> tuple[Measured, ...]:
-    """Measure all cells, reusing those in the file `kept`."""
-    known = read_numbers(kept, one, cells) if kept else {}
-    todo = [cell for cell in cells if cell.name not in known]
-    fresh = measure(one, todo, pool)
-    if kept and fresh:
-        write_numbers(kept, one, fresh)
-    known |= {each.cell.name: each for each in fresh}
-    return tuple(known[cell.name] for cell in cells)
-
-
 def stand_in_walks(damped: Sequence[Deployed], folder: Path, plan: WebotsSettings) -> dict[str, WalkResult]:
     """The walk in each available Webots stand-in, by name. Raises FileError if one gives no result."""
     walks = {}
@@ -168,7 +111,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--file", type=Path, help="file of bars to write; default: robots/NAME/validation.yaml")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="bars to derive")
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for one each core")
-    parser.add_argument("--numbers", type=Path, help="JSON with measured numbers; cells found in it are not run again")
     given = parser.parse_args(arguments)
     try:
         file = given.file or ROBOTS / given.robot.resolve().name / FILE
@@ -179,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = {}
         if CELLS in given.parts:
             cells = full(one.robot)
-            runs = [measured_or_kept(each, cells, pool, given.numbers) for each in damped]
+            runs = [measure(each, cells, pool) for each in damped]
             found[CELLS] = derived(runs, rules.margins, rules.required)
         if ENGINES in given.parts:
             grid = settings.read(GRID, CrossEngineSettings)

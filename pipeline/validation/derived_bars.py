@@ -1,7 +1,5 @@
 """Bars of walks in several engines, limit cycles and Webots, derived from the reference policy's walks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from pipeline.validation.bars import Agreement, Bar, CellBars, ValidationRules, bar_of, command_errors, missed

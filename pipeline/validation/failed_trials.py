@@ -1,7 +1,5 @@
 """Write one trial of each failed cell as a log of a virtual robot."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from contextlib import suppress

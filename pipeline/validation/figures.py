@@ -1,7 +1,5 @@
 """Figures measured on a rollout, each with name, unit and direction; cells measured in parallel processes."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

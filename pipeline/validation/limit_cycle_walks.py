@@ -1,7 +1,5 @@
 """Limit cycles of a policy's steady walk in each engine and in hardware logs, compared at each speed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -25,6 +23,7 @@ from pipeline.validation.limit_cycles import (
     LimitCycleSettings,
     NoCycleError,
     compare,
+    leg_series,
     limit_cycle,
 )
 
@@ -177,10 +176,10 @@ def walk_series(
     if walked.fell_s is not None:
         raise FellError(f"{engine} at {speed:g} m/s: fell after {walked.fell_s:.2f} s")
     kept = slice(round(settings.settled_s / walked.timestep_s), None)
-    joints, speeds, rate_hz = walked.qpos[kept, 7:], walked.qvel[kept, 6:], 1.0 / walked.timestep_s
-    robot = deployed.robot
+    legs, rate_hz = legs_of(deployed.robot), 1.0 / walked.timestep_s
     left, right = (
-        _series(f"{engine} {side}", side, joints, speeds, rate_hz, robot.joint_names, robot) for side in SIDES
+        leg_series(f"{engine} {side}", hip, knee, rate_hz, walked.qpos[kept, 7:], walked.qvel[kept, 6:])
+        for side, hip, knee in zip(SIDES, legs.hip_pitch, legs.knee, strict=True)
     )
     return left, right
 
@@ -202,30 +201,10 @@ def steady_span(trial: Trial, speed: float, settings: LimitCycleSettings) -> sli
 
 def trial_series(trial: Trial, span: slice, side: str, name: str, robot: Robot) -> JointSeries:
     """One leg of a span of a log. Raises UnknownNameError if the log lacks a joint of it."""
-    joints, speeds = (array[span].astype(float) for array in (trial.joint_pos, trial.joint_vel))
-    return _series(name, side, joints, speeds, trial.rate_hz, trial.joint_names, robot)
-
-
-def _series(
-    name: str,
-    side: str,
-    joint_pos: np.ndarray,
-    joint_vel: np.ndarray,
-    rate_hz: float,
-    joint_names: tuple[str, ...],
-    robot: Robot,
-) -> JointSeries:
     legs, place = legs_of(robot), SIDES.index(side)
     names = (robot.joint_names[legs.hip_pitch[place]], robot.joint_names[legs.knee[place]])
     for joint in names:
-        if joint not in joint_names:
-            raise UnknownNameError("joint", joint, joint_names)
-    hip, knee = map(joint_names.index, names)
-    return JointSeries(
-        name=name,
-        rate_hz=rate_hz,
-        hip=joint_pos[:, hip],
-        knee=joint_pos[:, knee],
-        hip_vel=joint_vel[:, hip],
-        knee_vel=joint_vel[:, knee],
-    )
+        if joint not in trial.joint_names:
+            raise UnknownNameError("joint", joint, trial.joint_names)
+    hip, knee = map(trial.joint_names.index, names)
+    return leg_series(name, hip, knee, trial.rate_hz, trial.joint_pos[span], trial.joint_vel[span])

@@ -19,8 +19,6 @@ Planes: hip against knee [rad], and each angle against its speed times T / 2 pi 
 is a circle at any cadence.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
@@ -92,6 +90,15 @@ class JointSeries:
     def table(self) -> Float[np.ndarray, "n 4"]:
         """Columns HIP, KNEE, HIP_VEL, KNEE_VEL."""
         return np.stack([self.hip, self.knee, self.hip_vel, self.knee_vel], axis=1)
+
+
+def leg_series(
+    name: str, hip: int, knee: int, rate_hz: float, joint_pos: np.ndarray, joint_vel: np.ndarray
+) -> JointSeries:
+    """One leg of all joints' positions and velocities (t, j), `hip` and `knee` being the indices of its joints."""
+    pos, vel = np.asarray(joint_pos, dtype=float), np.asarray(joint_vel, dtype=float)
+    turns = {"hip": pos[:, hip], "knee": pos[:, knee], "hip_vel": vel[:, hip], "knee_vel": vel[:, knee]}
+    return JointSeries(name=name, rate_hz=float(rate_hz), **turns)
 
 
 @dataclass(frozen=True, kw_only=True)

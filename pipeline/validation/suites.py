@@ -10,8 +10,6 @@ Each figure names its model: figures of different models are different quantitie
 are equivalent.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -9,8 +9,6 @@ later:
     10 falls in cells without pushes + mean error of the 16 commands / 0.05 + 2 (1 - mean survival of pushes)
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """One trial: the command, the events, and the conditions of a rollout."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One verdict with every reason: measured cells compared with their bars."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar

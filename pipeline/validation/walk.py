@@ -1,7 +1,5 @@
 """A trial as a rollout in MuJoCo."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

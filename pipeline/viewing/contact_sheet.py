@@ -97,12 +97,7 @@ def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int =
 
 
 class _Drawing:
-    """Triangles and texts gathered from the top down; `low` is the lower end so far [m].
-
-    Args:
-        width: of the picture [m]
-        dots_per_m: its scale
-    """
+    """Triangles and texts from the top down, `width` [m] wide at `dots_per_m`; `low` is the lower end so far [m]."""
 
     def __init__(self, width: float, dots_per_m: float) -> None:
         self.width, self.dots_per_m = width, dots_per_m
@@ -163,10 +158,7 @@ class _Drawing:
 
 
 def entry_clip(store: Store, entry: Entry) -> Clip:
-    """The clip, cut to its window if it is a selected window of a human motion.
-
-    KP1 keeps the whole recording with each window (`start_frame`, `stop_frame`); from KP2 on the clip is the window.
-    """
+    """The clip, cut to its window if KP1 kept the whole recording with it (`start_frame`, `stop_frame`)."""
     clip = store.get_clip(entry.blob, entry.clip)
     start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")
     if not isinstance(clip, HumanClip) or start is None or stop is None or stop - start >= clip.frame_count:
@@ -179,15 +171,9 @@ LEAST_LOST_S = 0.1
 
 
 def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
-    """PNG of the clips that lost the most seconds in a stage, as they were before it, with the first reason.
+    """PNG of the `most` clips that lost the most seconds in a stage, as they were in `previous`, with the first reason.
 
     One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
-
-    Args:
-        stage: manifest of the stage
-        previous: the stage before it, which has the clips
-        robot: the one that robot clips are for
-        most: clips in the picture
     """
     there = {clip for shard in previous.entry_shards for clip in shard.columns(["clip"])["clip"]}
     found = stage.findings("clip", "seconds_in", "seconds_out")

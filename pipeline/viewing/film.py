@@ -1,7 +1,4 @@
-"""Figures as a film, without a display: MP4 or GIF, side by side, each followed along its path.
-
-`record_walk` films a policy's walk in MuJoCo.
-"""
+"""Figures, or a policy's walk in MuJoCo, as a film without a display: MP4 or GIF, side by side, each followed."""
 
 import os
 import tempfile
@@ -42,16 +39,10 @@ PALETTE = 64
 def write_film(
     path: Path, figures: Sequence[Figure], *, start_s: float = 0.0, seconds: float | None = None, text: str = ""
 ) -> int:
-    """Write a film of figures that share a clock; the number of its pictures. The file is whole or not there.
+    """Write a film (`.mp4`, `.gif`) of figures, side by side, with a line of text below; the number of its pictures.
 
-    Args:
-        path: `.mp4` or `.gif`
-        figures: from left to right
-        start_s: where it begins [s]
-        seconds: its length; None: to the end of the longest figure
-        text: a line at the lower edge
-
-    Raises FileError for another suffix, and when the disk refuses.
+    `start_s` and `seconds` are on the figures' shared clock; without the latter it ends with the longest figure. The
+    file is whole or not there. Raises FileError for another suffix, and when the disk refuses.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise FileError(path, f"a film is one of: {', '.join(SUFFIXES)}.", "Name a file with that suffix.")

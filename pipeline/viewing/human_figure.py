@@ -1,8 +1,4 @@
-"""A human's motion as a figure: a capsule from joint to joint, drawn from the joint positions alone.
-
-Only the head is placed by an orientation too. So what is seen is what the positions say, whatever the
-orientations are.
-"""
+"""A human's motion as a figure: a capsule from joint to joint, by the positions alone (but for the head)."""
 
 import numpy as np
 from jaxtyping import Float
@@ -97,10 +93,7 @@ def _median_length(vectors: Float[np.ndarray, "t 3"]) -> float:
 
 
 def _along(direction: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 4"]:
-    """The shortest rotation of z onto each direction, wxyz; NaN stays NaN.
-
-    The quaternion of a turn from a to b is (1 + a.b, a x b), normalised.
-    """
+    """The shortest rotation of z onto each direction, wxyz: (1 + a.b, a x b), normalised; NaN stays NaN."""
     unit = rotation.normalize(direction)
     quat = np.stack([1.0 + unit[:, 2], -unit[:, 1], unit[:, 0], np.zeros(len(unit))], axis=1)
     down = unit[:, 2] < -1.0 + 1e-9

@@ -125,13 +125,7 @@ class LiveWalk:
 def surface(
     ground: Ground, along: tuple[float, float], across: tuple[float, float], step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A ground's surface as vertices (v, 3) [m] and triangles (f, 3).
-
-    Args:
-        along: from and to along x [m]
-        across: from and to along y [m]
-        step: distance of two vertices [m]
-    """
+    """A ground's surface as vertices (v, 3) [m], `step` [m] apart, and triangles (f, 3) over ranges of x and y [m]."""
     xs, ys = np.arange(along[0], along[1] + step / 2, step), np.arange(across[0], across[1] + step / 2, step)
     vertices = np.array([[x, y, ground.height(float(x), float(y))] for x in xs for y in ys])
     row, column = np.meshgrid(np.arange(len(xs) - 1), np.arange(len(ys) - 1), indexing="ij")

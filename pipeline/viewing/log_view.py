@@ -46,10 +46,7 @@ class LogFiles:
 
 
 def log_playlist(path: Path, files: LogFiles) -> Playlist:
-    """The trials of a log, each with its simulation where the policy is at hand.
-
-    Raises FileError for a log that is refused, or that is of no robot of this project.
-    """
+    """The trials of a log, each with its simulation where the policy is at hand. Raises FileError for a refused log."""
     values = settings.read(files.data / "hardware_logs.yaml", LogSettings)
     trials = {trial.name: trial for trial in read_log(path, robots(), values)}
     if not trials:

@@ -65,12 +65,10 @@ class TickedPage(ABC):
 
 
 def page_server(host: str, port: int, label: str) -> viser.ViserServer:
-    """A server on the first free port from `port` on.
+    """A server on the first free port from `port` on, whose page has the title `label`.
 
-    Args:
-        host: address to bind. On a loopback address the page is reached under names of this machine alone; on
-            another one under whatever name that has, and web sockets come from the page itself only
-        label: title of the page
+    On a loopback address the page is reached under names of this machine alone; on another one under whatever name that
+    has, and web sockets come from the page itself only.
     """
     local = loopback.is_loopback(f"[{host}]" if ":" in host else host)
     serve, calls = websockets.asyncio.server.serve, []
@@ -94,11 +92,7 @@ def page_server(host: str, port: int, label: str) -> viser.ViserServer:
 
 
 def is_allowed(request: Request, local: bool) -> bool:
-    """Whether a request comes from a page of this server or from a program.
-
-    Args:
-        local: the server is this machine's alone, and so are the names that it has
-    """
+    """Whether a request is from this server's page or a program; `local`: only this machine's names are its own."""
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) > 1 or (local and not loopback.is_loopback(hosts[0])):
         return False

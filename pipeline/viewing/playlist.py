@@ -18,10 +18,7 @@ from pipeline.viewing.robot_figure import robot_figure
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """The human and robot motion of one clip, with a common start time.
-
-    A rollout is shown beside the reference that it tracked.
-    """
+    """The human and robot motion of one clip, with a common start time, and the reference of a rollout."""
 
     name: str
     human: HumanClip | None = None

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -35,6 +36,8 @@ COMMAND_RANGES = {"forward_m_s": (-0.6, 2.0), "lateral_m_s": (-0.6, 0.6), "yaw_r
 BOX_WIDTHS = {"forward_m_s": 0.1, "lateral_m_s": 0.1, "yaw_rate_rad_s": 0.25}
 """Widths of the bins of the command space."""
 
+PLANES = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
+
 LABELS = {"forward_m_s": "forward [m/s]", "lateral_m_s": "left [m/s]", "yaw_rate_rad_s": "yaw rate [rad/s]"}
 
 
@@ -45,15 +48,18 @@ def png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
-    """Clips in the command space, with areas by their seconds; the paper's ranges are shaded.
+def labelled(axes: Axes, x: str = "", y: str = "", *, size: int = 8) -> None:
+    """Small labels [pt] and a light grid."""
+    axes.set_xlabel(x, fontsize=size)
+    axes.set_ylabel(y, fontsize=size)
+    axes.tick_params(labelsize=size - 1)
+    axes.grid(alpha=0.3)
 
-    Args:
-        clips: one row a clip with `skill, seconds, forward_m_s, lateral_m_s, yaw_rate_rad_s`
-    """
+
+def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
+    """Clips (`skill, seconds, forward_m_s, lateral_m_s, yaw_rate_rad_s`) as areas in the paper's command space."""
     figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
-    planes = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
-    for axes, (x, y) in zip(figure.subplots(1, 2), planes, strict=True):
+    for axes, (x, y) in zip(figure.subplots(1, 2), PLANES, strict=True):
         axes.fill_between(COMMAND_RANGES[x], *COMMAND_RANGES[y], color="#eeeeee", zorder=0)
         for skill, color in SKILL_COLORS.items():
             rows = clips[clips["skill"] == skill] if len(clips) else clips
@@ -68,16 +74,11 @@ def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
 
 
 def command_seconds(spent: pd.DataFrame, title: str) -> bytes:
-    """Seconds in each box of the command space as a heat map, on two planes; the paper's ranges are framed.
-
-    Args:
-        spent: a row a clip and box, with the box's middle `forward_m_s, lateral_m_s, yaw_rate_rad_s` and `seconds`
-    """
+    """Boxes of the command space (`forward_m_s, lateral_m_s, yaw_rate_rad_s`) by their `seconds`, as heat maps."""
     figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
-    planes = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
     weights = spent["seconds"].to_numpy(dtype=float)
     total = float(np.sum(weights))
-    for axes, names in zip(figure.subplots(1, 2), planes, strict=True):
+    for axes, names in zip(figure.subplots(1, 2), PLANES, strict=True):
         edges = [
             _box_edges(spent[name].to_numpy(dtype=float), COMMAND_RANGES[name], BOX_WIDTHS[name]) for name in names
         ]
@@ -100,11 +101,7 @@ def _box_edges(middles: np.ndarray, shown: tuple[float, float], width: float) ->
 
 
 def lost_seconds(judged: pd.DataFrame, title: str) -> bytes:
-    """The 20 clips that lost the most seconds in a stage, and how much of each was kept.
-
-    Args:
-        judged: one row an input clip with `clip, seconds_in, seconds_out`
-    """
+    """The 20 clips (`clip, seconds_in, seconds_out`) that lost the most seconds in a stage, and how much was kept."""
     table = judged.assign(lost=judged["seconds_in"].fillna(0.0) - judged["seconds_out"].fillna(0.0))
     worst = table.query("lost > 0.0").sort_values(["lost", "clip"], ascending=[False, True]).head(20)[::-1]
     figure = Figure(figsize=(8.0, 0.6 + 0.22 * max(len(worst), 3)), dpi=80, layout="constrained")
@@ -123,11 +120,7 @@ COLUMNS = 4
 
 
 def calibration_curves(calibrations: Sequence[Calibration], published: Mapping[str, PublishedCurve]) -> bytes:
-    """Each motor's sweep with its two lines and its knee; the box about it is the 95 % interval.
-
-    Args:
-        published: by motor name, the manufacturer's peak curve, drawn dashed
-    """
+    """Each motor's sweep, two lines, knee and its 95 % interval; `published` peak curves by motor are drawn dashed."""
     figure, axes = _grid(len(calibrations))
     for each, place in zip(calibrations, axes, strict=False):
         speed, torque = np.array(each.speed), np.array(each.torque)
@@ -152,8 +145,7 @@ def _grid(count: int) -> tuple[Figure, list[Any]]:
     figure = Figure(figsize=(10.0, 1.9 * rows + 0.3), dpi=80, layout="constrained")
     axes = list(np.ravel(figure.subplots(rows, COLUMNS, squeeze=False)))
     for place in axes:
-        place.tick_params(labelsize=6)
-        place.grid(alpha=0.3)
+        labelled(place, size=7)
     for place in axes[count:]:
         place.set_axis_off()
     return figure, axes

@@ -117,13 +117,7 @@ def _painted(triangles: Float[np.ndarray, "n 3 3"], colors: Float[np.ndarray, "n
 def blank_canvas(
     dots: tuple[float, float], across: tuple[float, float], up: tuple[float, float]
 ) -> tuple[Canvas, Axes]:
-    """A canvas without margins, and its axes in metres.
-
-    Args:
-        dots: width and height
-        across: left and right end [m]
-        up: lower and upper end [m]
-    """
+    """A canvas of `dots` (width, height) without margins, and its axes over the ranges `across` and `up` [m]."""
     canvas = Canvas(figsize=(dots[0] / DPI, dots[1] / DPI), dpi=DPI)
     axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()

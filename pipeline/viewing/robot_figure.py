@@ -19,14 +19,9 @@ Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 @lru_cache(maxsize=512)
 def shape_mesh(kind: str, size: tuple[float, ...], segments: int) -> Mesh:
-    """Vertices [m] and triangles (seen from outside their corners run counterclockwise) of a primitive.
+    """Vertices [m] and triangles (seen from outside their corners run counterclockwise) of a `figure.Shape`.
 
-    Args:
-        kind: one of `KINDS`
-        size: as in `figure.Shape`
-        segments: corners of a circle; the vertices lie on the true surface
-
-    Raises UnknownNameError for another kind.
+    Circles have `segments` corners, on the true surface. Raises UnknownNameError for another kind.
     """
     if kind not in KINDS:
         raise UnknownNameError("primitive", kind, KINDS)
@@ -69,10 +64,7 @@ _KIND = {
 
 
 def robot_figure(clip: RobotClip, robot: Robot, name: str = "") -> Figure:
-    """The figure of a robot clip, placed by the robot's kinematics; its name is the robot's unless one is given.
-
-    Raises ClipError for a clip whose joints are not the robot's.
-    """
+    """The figure of a robot clip by the robot's kinematics. Raises ClipError where the joints are not the robot's."""
     if clip.joint_names != robot.joint_names:
         raise ClipError(clip.name, "joints", f"its joints are not those of the robot '{robot.name}', in its order.")
     parts = robot_parts(robot)

@@ -11,7 +11,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
 from pipeline.viewing.contact_sheet import Strip, entry_clip, worst_clips_sheet
-from pipeline.viewing.plots import png
+from pipeline.viewing.plots import labelled, png
 
 SHOWN_S = 1.0
 """A rollout is shown from this long before its failure, or its largest error, to at most this long after [s]."""
@@ -25,11 +25,7 @@ PAIRS = (
 
 
 def tracking_errors(rollouts: pd.DataFrame) -> bytes:
-    """PNG: distribution of body and joint errors, nominal and disturbed, and body error against action noise.
-
-    Args:
-        rollouts: one row a rollout with `rollout, body_error_m, joint_error_rad, action_noise`
-    """
+    """PNG of errors (`rollout, body_error_m, joint_error_rad, action_noise`), nominal and disturbed, and over noise."""
     figure = Figure(figsize=(10.0, 3.2), dpi=80, layout="constrained")
     body, joint, noise = figure.subplots(1, 3)
     nominal = rollouts["rollout"].to_numpy() == 0
@@ -46,11 +42,7 @@ def tracking_errors(rollouts: pd.DataFrame) -> bytes:
 
 
 def before_and_after(references: pd.DataFrame) -> bytes:
-    """PNG: slip, penetration and jerk of each reference against its nominal rollout's; saturation and contacts.
-
-    Args:
-        references: one row a reference with the figures of `pipeline.tracking.before_after`
-    """
+    """PNG: figures of `pipeline.tracking.before_after` for each reference against those of its nominal rollout."""
     columns = [name for before, after, _, _ in PAIRS for name in (before, after)]
     figures = references[[*columns, "saturated_after", "touchdown_shift_s"]].astype(float)
     figure = Figure(figsize=(15.0, 3.2), dpi=80, layout="constrained")
@@ -78,17 +70,9 @@ def worst_tracked(
 ) -> bytes:
     """PNG of the worst-tracked references: what the robot does up to the moment it fails, below its reference.
 
-    References that fail come first; the last pose of each is that of the failure. Then come those that are furthest
-    off, around the moment they are. One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is shown.
-
-    Args:
-        rollouts: manifest of `augmented_motions`
-        references: what was tracked
-        motions_to_failure: gives the motion of references up to the frame at which their nominal rollout fails
-            (`pipeline.tracking.process.motion_to_failure`), under the references' names
-        store: with all motions
-        robot: that moves
-        most: references in the picture
+    References that fail come first; the last pose of each is that of the failure, from `motions_to_failure`
+    (`pipeline.tracking.process.motion_to_failure`). Then come those that are furthest off, around the moment they are.
+    One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is shown, `most` in all.
     """
     entries = {entry.clip: entry for entry in references.entries}
     families: dict[str, Judged] = {}
@@ -147,11 +131,7 @@ STYLES = ("-", "--", ":")
 
 
 def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
-    """PNG of runs over training time [s]; one colour per run, or per curve for a single run.
-
-    Args:
-        runs: name -> a run's `curves.csv`
-    """
+    """PNG of the `curves.csv` of runs by name over training time [s]; a colour a run, or a curve of a single run."""
     figure = Figure(figsize=(11.0, 5.6), dpi=80, layout="constrained")
     places = figure.subplots(2, 2).ravel()
     for place, (title, columns) in zip(places, PANELS, strict=False):
@@ -169,9 +149,7 @@ def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
     places[3].set_title("velocity as a share of the command", fontsize=9)
     places[3].set_ylim(-0.2, 1.4)
     for place in places:
-        place.set_xlabel("training [s]", fontsize=7)
-        place.tick_params(labelsize=6)
-        place.grid(alpha=0.3)
+        labelled(place, "training [s]", size=7)
         if place.lines:
             place.legend(fontsize=6)
     return png(figure)

@@ -14,7 +14,7 @@ from pipeline.validation.cross_engine import NAMES, CrossEngineResult
 from pipeline.validation.limit_cycle_walks import SpeedCycles
 from pipeline.validation.limit_cycles import PLANES
 from pipeline.validation.verdict import CellVerdict, Verdict
-from pipeline.viewing.plots import png
+from pipeline.viewing.plots import labelled, png
 
 AXES = (("forward", "forward [m/s]"), ("lateral", "to the left [m/s]"), ("yaw_rate", "yaw rate [rad/s]"))
 COLOURS = {"passed": "#1f77b4", "failed": "#d62728", "not required": "#7f7f7f"}
@@ -43,10 +43,7 @@ def command_tracking(verdict: Verdict) -> bytes:
                 place.plot(wanted, 0.0, "x", color=COLOURS["failed"])
         ends = [_wanted(cell, name) for cell in shown] or [0.0]
         place.plot([min(ends), max(ends)], [min(ends), max(ends)], color="#bbbbbb", linewidth=0.8, zorder=0)
-        place.set_xlabel(f"wanted {label}", fontsize=8)
-        place.set_ylabel("achieved", fontsize=8)
-        place.tick_params(labelsize=7)
-        place.grid(alpha=0.3)
+        labelled(place, f"wanted {label}", "achieved")
     figure.suptitle("blue passed, red failed, grey not required, x: every trial fell", fontsize=8)
     return png(figure)
 
@@ -91,8 +88,7 @@ def torque_speed(walks: Mapping[str, Rollout], envelope: TorqueEnvelope) -> byte
         place.plot(speed, upper[:, joint], color="#000000", linewidth=0.8)
         place.plot(speed, lower[:, joint], color="#000000", linewidth=0.8)
         place.set_title(names[joint], fontsize=8)
-        place.tick_params(labelsize=7)
-        place.grid(alpha=0.3)
+        labelled(place)
     figure.axes[0].legend(fontsize=6, markerscale=6)
     figure.supxlabel("joint speed [rad/s]", fontsize=8)
     figure.supylabel("torque [N m]", fontsize=8)
@@ -153,9 +149,7 @@ def cross_engine_plots(found: CrossEngineResult) -> bytes:
                 if fallen:
                     edge = {"ha": "right", "va": "center", "transform": place.get_yaxis_transform()}
                     place.text(0.99, height, "x" * fallen, color=ENGINE_COLOURS[engine], fontsize=6, **edge)
-        place.set_xlabel(label, fontsize=8)
-        place.tick_params(labelsize=7)
-        place.grid(alpha=0.3)
+        labelled(place, label)
     places[0].set_yticks(range(len(found.cells)), [cell.name for cell in found.cells], fontsize=7)
     places[0].invert_yaxis()
     engines = found.cells[0].figures if found.cells else ()
@@ -179,10 +173,7 @@ def limit_cycle_plots(found: Sequence[SpeedCycles]) -> bytes:
                 curve = cycle.plane(plane)
                 closed = np.concatenate([curve, curve[:1]])
                 place.plot(closed[:, 0], closed[:, 1], color=colours[name], linewidth=1.3, label=name)
-            place.set_xlabel(x, fontsize=7)
-            place.set_ylabel(y, fontsize=7)
-            place.tick_params(labelsize=6)
-            place.grid(alpha=0.3)
+            labelled(place, x, y, size=7)
         places[0].set_title(f"{each.speed_m_s:g} m/s, {side} leg", fontsize=8, loc="left")
         if mine:
             places[-1].legend(fontsize=6)

@@ -1,7 +1,4 @@
-"""The browser viewer: the human and the robot side by side, with a clock and controls.
-
-`Viewer.step` does all the work of one tick, so that a test can drive it without a browser.
-"""
+"""The browser viewer: human and robot side by side, with a clock and controls; `Viewer.step` is one tick of it."""
 
 from dataclasses import dataclass
 

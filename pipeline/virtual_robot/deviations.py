@@ -1,7 +1,5 @@
 """Deviations of a virtual robot from its model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -82,21 +80,11 @@ class Outage:
     """Time at which they respond again [s]; infinite: never."""
     joints: tuple[str, ...] = ()
     """Joints whose motors are off; empty: all."""
-    every_s: float = 0.0
-    """Time from the beginning of one outage to that of the next [s]; 0: it happens once."""
-    times: int = 1
-    """How often it happens."""
-
-    def is_off(self, time_s: float) -> bool:
-        """Whether the motors are off at a time [s]."""
-        starts = (self.start_s + count * self.every_s for count in range(self.times))
-        return any(start <= time_s < start + self.stop_s - self.start_s for start in starts)
 
     def word(self) -> str:
         """The outage in words, for the log."""
         until = "the end" if self.stop_s == np.inf else f"{self.stop_s:g} s"
-        again = f", {self.times} times" if self.times > 1 else ""
-        return f"motors off from {self.start_s:g} s to {until}{again} ({', '.join(self.joints) or 'all'})"
+        return f"motors off from {self.start_s:g} s to {until} ({', '.join(self.joints) or 'all'})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +107,7 @@ class FailingMotors(PdControl):
         else:
             given = self.envelope.clip(-self.kd * joint_vel, joint_vel)
         for outage, joints in self.outages:
-            if outage.is_off(now):
+            if outage.start_s <= now < outage.stop_s:
                 given = np.where(joints, 0.0, given)
         return given
 

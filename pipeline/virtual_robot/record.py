@@ -1,7 +1,5 @@
 """Convert a rollout to the log that the robot's recorder would have written, marked as simulated."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass

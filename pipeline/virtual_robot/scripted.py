@@ -1,7 +1,5 @@
 """A controller that plays scripted joint targets, for logs without a policy."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

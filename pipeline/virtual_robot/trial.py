@@ -1,7 +1,5 @@
 """One trial of a virtual robot: controller, command and deviations in, rollout and log out."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

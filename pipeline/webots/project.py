@@ -32,10 +32,7 @@ SOFT_ERP, SOFT_CFM = 0.2, 1e-3
 
 
 def robot_world(robot: Robot, timestep_ms: float = 5.0, friction: float = 1.0) -> Scene:
-    """The world file, in `worlds/` beside `protos/`. Contacts don't bounce, and bodies at rest stay simulated.
-
-    Raises PipelineError for a timestep that is not in `TIMESTEPS_MS`.
-    """
+    """The world file beside `protos/`; bodies at rest stay simulated. Raises PipelineError for another timestep."""
     if timestep_ms not in TIMESTEPS_MS:
         allowed = " or ".join(f"{each:g}" for each in TIMESTEPS_MS)
         raise PipelineError(f"a basicTimeStep of {timestep_ms:g} ms is not offered; choose {allowed} ms.")
@@ -111,15 +108,8 @@ def write_project(
 ) -> Project:
     """Write the project of a robot folder's tables; equal arguments give equal bytes.
 
-    Args:
-        folder: project folder, created if missing; its other files are kept
-        source: the robot's tables
-        task: joints and gains
-        envelope: torque limits of the motors
-        policy: the policy that walks; without one the robot stands in its default pose
-        settings: timestep, friction and commands
-
-    Raises FileError if a file can't be written.
+    Other files in `folder` are kept; without a policy the robot stands in its default pose. Raises FileError if a file
+    can't be written.
     """
     robot = build_robot(source)
     project = Project(folder=folder, robot=robot.name)
@@ -199,10 +189,7 @@ Int = Bool = Float
 
 
 def needed_modules() -> dict[str, Path]:
-    """Path below the controller's folder -> source file of each needed module.
-
-    Raises PipelineError where the controller would need a package that Webots' Python may lack.
-    """
+    """Path below the controller's folder -> needed source file. Raises PipelineError for one outside Webots' Python."""
     found: set[Path] = set()
     waiting = [PROGRAM]
     while waiting:

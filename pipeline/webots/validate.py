@@ -184,8 +184,8 @@ def _masses(scene: SceneModel, robot: Robot) -> Iterator[str]:
 def inertials(robot: Robot) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
     """Mass, centre of mass and inertia with rotor of each link, from the robot's MJCF text."""
     added = added_moments(robot)
-    found = {}
-    for body in mujoco.MjSpec.from_string(robot.mjcf).worldbody.find_all("body"):
+    spec, found = mujoco.MjSpec.from_string(robot.mjcf), {}  # the bodies read below live as long as it does
+    for body in spec.worldbody.find_all("body"):
         xx, yy, zz, xy, xz, yz = body.fullinertia
         moment = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         found[body.name] = (body.mass, np.array(body.ipos), moment + added.get(body.name, np.zeros((3, 3))))

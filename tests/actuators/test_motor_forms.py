@@ -25,7 +25,7 @@ def actuator(torque: float, speed: float, no_load: float) -> JointActuator:
     box = BoxLimits(box_effort_limit=torque, box_velocity_limit=speed)
     numbers = dict.fromkeys((name for name in JointActuator.__dataclass_fields__), 0.0)
     named = {"joint": "knee", "motor": "knee", "verdict": ""}
-    return JointActuator(**{**numbers, **named, **vars(box), **vars(dc_motor_line(box, no_load))})
+    return JointActuator(**{**numbers, **named, **vars(box), **dc_motor_line(box, no_load)})
 
 
 MOTORS = (actuator(60.0, 12.57, 15.71), actuator(25.0, 12.57, 15.0), actuator(7.0, 20.0, 40.0))
@@ -49,15 +49,15 @@ def test_our_controller_and_mjlabs_formula_give_the_same_torque_in_every_state(a
 
 def test_the_knee_speed_as_a_dc_motors_velocity_limit_would_leave_no_torque_at_the_knee():
     line = dc_motor_line(BoxLimits(box_effort_limit=60.0, box_velocity_limit=12.57), 15.7125)
-    right = mjlab_clip(1e3, 12.57, 60.0, line.dc_motor_saturation_effort, line.dc_motor_no_load_speed)
-    wrong = mjlab_clip(1e3, 12.57, 60.0, line.dc_motor_saturation_effort, 12.57)
+    right = mjlab_clip(1e3, 12.57, 60.0, line["dc_motor_saturation_effort"], line["dc_motor_no_load_speed"])
+    wrong = mjlab_clip(1e3, 12.57, 60.0, line["dc_motor_saturation_effort"], 12.57)
     assert right == pytest.approx(60.0) and wrong == pytest.approx(0.0)
-    assert line.dc_motor_saturation_effort == pytest.approx(300.0)
+    assert line["dc_motor_saturation_effort"] == pytest.approx(300.0)
 
 
 def test_the_two_forms_share_no_name_and_a_line_needs_a_no_load_speed_above_the_knee():
     box = BoxLimits(box_effort_limit=60.0, box_velocity_limit=12.57)
-    assert not set(vars(box)) & set(vars(dc_motor_line(box, 15.7)))
+    assert not set(vars(box)) & set(dc_motor_line(box, 15.7))
     with pytest.raises(ValueError, match="not above the knee"):
         dc_motor_line(box, 12.57)
 

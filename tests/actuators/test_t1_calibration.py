@@ -21,6 +21,7 @@ from pipeline.actuators.motor_table import read_motors
 from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.actuators.synthesize import Drive, Sweep, drives, measurement_text
 from pipeline.errors import FileError, UnknownNameError
+from pipeline.files import settings
 from pipeline.robot import Robot, load_robot
 from tests.factories.sweeps import CURVE, SETTINGS, points, written
 
@@ -157,7 +158,7 @@ def test_calibrations_survive_json(calibrations):
     import json
 
     for each in calibrations:
-        assert Calibration.from_dict(json.loads(json.dumps(each.to_dict()))) == each
+        assert Calibration.from_dict(json.loads(json.dumps(settings.plain(each)))) == each
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from assets.approved import PARTS, approvals_of, approved_part
+from assets.approved import PARTS, approved_part
 from assets.feedback import FeedbackPage
 from assets.project import Project
 from pipeline.errors import PipelineError
@@ -23,13 +23,13 @@ def project(root, tmp_path) -> Project:
 
 
 def sections(project: Project) -> set[str]:
-    return {change.section for change in approvals_of(project).changes}
+    return {change.section for change in project.feedback.approvals().changes}
 
 
 def test_what_was_looked_at_is_what_is_approved(project):
     digest = propose_into(project, *two_falls())
     count = approve_proposal(project.feedback, digest, "a person")
-    approvals = approvals_of(project)
+    approvals = project.feedback.approvals()
     assert len(approvals.changes) == count == 5
     assert sections(project) == set(PARTS)
     assert {(entry.proposal, entry.by) for entry in approvals.entries} == {(digest, "a person")}
@@ -43,7 +43,7 @@ def test_another_digest_approves_nothing(project):
         approve_proposal(project.feedback, digest, " ")
     with pytest.raises(ApprovalError, match="nothing was approved"):
         approve_proposal(project.feedback, digest, "a person", policies=(OTHER,))
-    assert not project.approved_feedback.exists()
+    assert not project.feedback.approved.exists()
 
 
 def test_approvals_of_sections_add_up_each_from_its_own_proposal(project):
@@ -54,7 +54,7 @@ def test_approvals_of_sections_add_up_each_from_its_own_proposal(project):
     approve_proposal(project.feedback, second, "another", sections=("motors",))
     assert approved_part(project, "weights", "t1") == weights, "as it was approved, though more is proposed now"
     approve_proposal(project.feedback, second, "another", sections=("selection", "augmentation"))
-    by = {entry.section: (entry.proposal, entry.by) for entry in approvals_of(project).entries}
+    by = {entry.section: (entry.proposal, entry.by) for entry in project.feedback.approvals().entries}
     assert by == {"weights": (first, "one")} | dict.fromkeys(
         ("selection", "augmentation", "motors"), (second, "another")
     )
@@ -87,21 +87,21 @@ def test_playing_speeds_approved_by_the_skill_alone_give_way_to_the_same_under_t
     changes = proposal(report(1, failure())).changes
     speeds = next(each for each in changes if each.what == "time_scale of side_left")
     old = dataclasses.replace(speeds, what="side_left")
-    write_entries(project.approved_feedback, entries_of([old], "x", "one"))
+    write_entries(project.feedback.approved, entries_of([old], "x", "one"))
     assert approved_part(project, "augmentation", "t1") == (old,)
     digest = propose_into(project, report(1, failure()))
     approve_proposal(project.feedback, digest, "another", policies=("a" * 64,), sections=("augmentation",))
-    assert speeds in approved_part(project, "augmentation", "t1") and not approvals_of(project).faults
+    assert speeds in approved_part(project, "augmentation", "t1") and not project.feedback.approvals().faults
 
 
 def test_nothing_is_written_that_could_not_be_read_again(project, monkeypatch):
     digest = propose_into(project, report(1, failure()))
     approve_proposal(project.feedback, digest, "a person")
-    before = project.approved_feedback.read_text()
+    before = project.feedback.approved.read_text()
     monkeypatch.setattr("pipeline.feedback.approve.added", lambda earlier, new, whole: (*earlier, *new))
     with pytest.raises(PipelineError, match="is there twice"):
         approve_proposal(project.feedback, digest, "another")
-    assert project.approved_feedback.read_text() == before
+    assert project.feedback.approved.read_text() == before
 
 
 def test_sections_are_taken_back_by_name_alone(project):
@@ -115,13 +115,13 @@ def test_sections_are_taken_back_by_name_alone(project):
     with pytest.raises(ApprovalError, match="needs a name"):
         take_back_sections(project.feedback, ("selection",), "")
     take_back_sections(project.feedback, tuple(sections(project)), "a person")
-    assert not project.approved_feedback.exists()
+    assert not project.feedback.approved.exists()
 
 
 def test_a_section_edited_by_hand_is_mended_by_approving_or_taking_it_back(project):
     digest = propose_into(project, *two_falls())
     approve_proposal(project.feedback, digest, "a person")
-    path = project.approved_feedback
+    path = project.feedback.approved
     edited = path.read_text().replace("value: 1.5625", "value: 1.5")
     path.write_text(edited)
     with pytest.raises(PipelineError, match=r"'weights': its changes do not have the digest.*approve 'weights' of"):
@@ -132,17 +132,17 @@ def test_a_section_edited_by_hand_is_mended_by_approving_or_taking_it_back(proje
     ):
         approve_proposal(project.feedback, digest, "a person", policies=("a" * 64,))
     take_back_sections(project.feedback, ("weights",), "a person")
-    assert not approvals_of(project).faults
+    assert not project.feedback.approvals().faults
     path.write_text(edited)
     approve_proposal(project.feedback, digest, "a person", sections=("motors",))
-    assert set(approvals_of(project).faults) == {"weights"}, "approving another section hides nothing"
+    assert set(project.feedback.approvals().faults) == {"weights"}, "approving another section hides nothing"
     approve_proposal(project.feedback, digest, "a person", sections=("weights",))
-    assert not approvals_of(project).faults
+    assert not project.feedback.approvals().faults
 
 
 def test_nothing_is_written_over_a_file_that_cannot_be_read(project):
     digest = propose_into(project, *two_falls())
-    path = project.approved_feedback
+    path = project.feedback.approved
     path.parent.mkdir(exist_ok=True)
     path.write_text("approvals: [\n")
     for act in (
@@ -159,18 +159,23 @@ def test_what_was_declined_is_not_asked_again_until_its_evidence_changes(project
     with pytest.raises(ApprovalError, match="needs a name"):
         decline_proposal(project.feedback, digest, " ")
     decline_proposal(project.feedback, digest, "a person", sections=("weights",))
-    page = FeedbackPage.of(proposal(report(1, failure())), approvals_of(project), project.feedback.declined_changes())
+    page = page_of(project, proposal(report(1, failure())))
     assert {change.section for change in page.declined} == {"weights"}
     assert "weights" not in {change.section for change in page.pending}
-    assert approvals_of(project).changes == ()
+    assert project.feedback.approvals().changes == ()
     again = proposal(report(1, failure()), report(2, failure()))
-    page = FeedbackPage.of(again, approvals_of(project), project.feedback.declined_changes())
+    page = page_of(project, again)
     assert "weights" in {change.section for change in page.pending}, "another log is other evidence"
+
+
+def page_of(project, made) -> FeedbackPage:
+    declined = project.feedback.declined_changes()
+    return FeedbackPage(proposal=made, approvals=project.feedback.approvals(), refused=declined)
 
 
 def test_approving_what_was_declined_lets_it_take_effect(project):
     digest = propose_into(project, report(1, failure()))
     decline_proposal(project.feedback, digest, "a person")
     approve_proposal(project.feedback, digest, "another", sections=("weights",))
-    page = FeedbackPage.of(proposal(report(1, failure())), approvals_of(project), project.feedback.declined_changes())
+    page = page_of(project, proposal(report(1, failure())))
     assert "weights" not in {change.section for change in page.declined}

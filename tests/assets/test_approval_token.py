@@ -5,7 +5,6 @@ import pytest
 
 import assets.approval
 from assets.approval import TokenError, approve_feedback, ensure_token, take_back_feedback, use_token
-from assets.approved import approvals_of
 from assets.project import Project
 from tests.factories.feedback_project import feedback_project, propose_into, two_falls
 
@@ -45,7 +44,7 @@ def test_another_token_approves_nothing_and_is_not_told_the_right_one(project, t
     digest, right = propose_into(project, *two_falls()), token_of(project)
     said = launch(approve_feedback, "approve", proposal=digest, by="a page", token=token)
     assert "approval_token" in said and right not in said
-    assert not project.approved_feedback.exists()
+    assert not project.feedback.approved.exists()
     assert token_of(project) == right
 
 
@@ -54,18 +53,18 @@ def test_without_a_token_file_one_is_made_and_asked_for(project):
     said = launch(approve_feedback, "approve", proposal=digest, by="a page", token="")
     assert "approval_token" in said
     assert project.approval_token.is_file()
-    assert not project.approved_feedback.exists()
+    assert not project.feedback.approved.exists()
 
 
 def test_with_the_token_a_proposal_is_approved_and_taken_back(project):
     digest = propose_into(project, *two_falls())
     token = token_of(project)
     assert launch(approve_feedback, "approve", proposal=digest, by="a person", token=token) == ""
-    assert len(approvals_of(project).changes) == 5
+    assert len(project.feedback.approvals().changes) == 5
     assert "approval_token" in launch(take_back_feedback, "take_back", sections=["motors"], by="a page", token=token)
-    assert len(approvals_of(project).changes) == 5
+    assert len(project.feedback.approvals().changes) == 5
     assert launch(take_back_feedback, "take_back", sections=["motors"], by="me", token=token_of(project)) == ""
-    assert len(approvals_of(project).changes) == 4
+    assert len(project.feedback.approvals().changes) == 4
 
 
 def test_a_token_that_was_shown_in_a_failed_run_is_worth_nothing(project):

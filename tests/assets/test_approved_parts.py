@@ -11,11 +11,9 @@ from assets.approved import (
     BROKEN,
     PARTS,
     approval_metadata,
-    approvals_of,
     approved_key,
     approved_part,
     approved_versions,
-    noting,
 )
 from assets.bootstrap import made_for, upstream
 from assets.plan import Plan, robot_plans
@@ -23,7 +21,7 @@ from assets.project import Project
 from assets.reference_motions import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import SettingsError
-from pipeline.feedback.approved import EMPTY, entries_of, write_entries
+from pipeline.feedback.approved import EMPTY, entries_of, noting, write_entries
 from tests.factories.feedback_project import feedback_project
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
@@ -48,14 +46,14 @@ def test_without_a_file_every_part_is_empty_and_no_rules_are_read(tmp_path):
     (tmp_path / "robots/t1").mkdir(parents=True)
     (tmp_path / "robots/t1/robot.toml").write_text("")
     project = Project(tmp_path)
-    assert approvals_of(project).changes == ()
+    assert project.feedback.approvals().changes == ()
     assert {version for version, _ in approved_versions(project).values()} == {EMPTY}
     assert len(approved_versions(project)) == len(PARTS)
 
 
 def test_a_manifest_names_the_logs_of_what_took_effect(root, tmp_path):
     project = feedback_project(root, tmp_path)
-    write_entries(project.approved_feedback, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
+    write_entries(project.feedback.approved, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
     part = approved_part(project, "weights", "t1")
     (stage,) = [each for each in noting(_manifest(), part, "weights").settings.values() if "changes" in each]
     assert stage["stage"] == "feedback on weights"
@@ -65,10 +63,10 @@ def test_a_manifest_names_the_logs_of_what_took_effect(root, tmp_path):
 
 def test_a_section_that_cannot_be_used_has_a_version_of_its_own_and_stops_nothing_else(root, tmp_path):
     project = feedback_project(root, tmp_path)
-    write_entries(project.approved_feedback, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
+    write_entries(project.feedback.approved, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
     sound = approved_versions(project)
-    text = project.approved_feedback.read_text()
-    project.approved_feedback.write_text(text.replace("value: 1.25", "value: 1.2"))
+    text = project.feedback.approved.read_text()
+    project.feedback.approved.write_text(text.replace("value: 1.25", "value: 1.2"))
     broken = approved_versions(project)
     changed = {key.to_user_string() for key in sound if sound[key][0] != broken[key][0]}
     assert changed == {"approved_weights"}
@@ -81,7 +79,7 @@ def test_a_section_that_cannot_be_used_has_a_version_of_its_own_and_stops_nothin
 
 def test_rules_that_cannot_be_read_fault_what_is_approved_by_their_name(root, tmp_path):
     project = feedback_project(root, tmp_path)
-    write_entries(project.approved_feedback, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
+    write_entries(project.feedback.approved, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
     project.settings("feedback_rules.yaml").write_text("approval: 3\n")
     assert all(version.startswith(BROKEN) for version, _ in approved_versions(project).values())
     with pytest.raises(SettingsError, match=r"feedback_rules.yaml: .*'approval' is 3"):
@@ -101,7 +99,7 @@ def test_a_limit_written_by_hand_is_held_against_the_calibrated_one(root, tmp_pa
     shutil.copytree(root / "robots/t1", project.robot_folder("t1"), dirs_exist_ok=True)
     changes = proposal(*(report(number, saturated(36.0)) for number in range(2))).changes
     motors = [dataclasses.replace(each, **written) for each in changes if each.section == "motors"]
-    write_entries(project.approved_feedback, entries_of(motors, "x", "a person"))
+    write_entries(project.feedback.approved, entries_of(motors, "x", "a person"))
     assert len(approved_part(project, "motors", "t1")) == 1, "the rules alone can't tell"
     monkeypatch.setattr(actuators, "PROJECT", project)
     plans = robot_plans("t1")

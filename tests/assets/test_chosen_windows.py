@@ -12,12 +12,12 @@ import pytest
 from assets import motions
 from assets.approved import approved_part
 from assets.database_checks import COVERED, _every_skill
-from assets.motions import BOUNDS, chosen_windows, short_of_wanted
 from assets.plan import Plan
 from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, run_stage
 from pipeline.feedback.approved import entries_of, heard, part_version, write_entries
+from pipeline.feedback.windows import BOUNDS, chosen_windows, short_of_wanted
 from pipeline.files import settings
 from pipeline.selection import Curation, process
 from tests.factories.feedback_project import feedback_project
@@ -51,7 +51,7 @@ def catalogue(project: Project) -> Manifest:
 
 
 def approve(project: Project) -> None:
-    write_entries(project.approved_feedback, entries_of(proposal(FALL).changes, "x", "a person"))
+    write_entries(project.feedback.approved, entries_of(proposal(FALL).changes, "x", "a person"))
 
 
 def bounded(project: Project, most_s: float) -> None:
@@ -144,7 +144,7 @@ def test_taking_it_back_gives_the_same_bytes_as_before(project, asset):
     before, _ = asset()
     approve(project)
     assert asset()[0].to_text() != before.to_text()
-    project.approved_feedback.unlink()
+    project.feedback.approved.unlink()
     assert asset()[0].to_text() == before.to_text()
 
 

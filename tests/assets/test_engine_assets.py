@@ -9,7 +9,7 @@ import dagster as dg
 import pytest
 import yaml
 
-from assets import cross_engine, limit_cycles, policy
+from assets import limit_cycles, policy, validation
 from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource
@@ -37,7 +37,7 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.Monkey
     cycles = yaml.safe_load((root / "data" / "limit_cycles.yaml").read_text())
     cycles |= {"seconds": 3.0, "settled_s": 0.5}
     (tmp_path / "data" / "limit_cycles.yaml").write_text(json.dumps(cycles))
-    for module in (policy, cross_engine, limit_cycles):
+    for module in (policy, validation, limit_cycles):
         monkeypatch.setattr(module, "PROJECT", project)
     still = still_policy(deployment_task(robot))
     monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
@@ -61,8 +61,8 @@ def test_cross_engine_tells_reasons_and_why_a_cell_is_not_required_and_writes_wh
     old.parent.mkdir(parents=True)
     old.write_bytes(b"old")
     plan = PLANS["cross_engine_validation"]
-    result = ran(cross_engine.cross_engine_validation(plan, EXPORTED, ADAPTED))
-    said = result.output_for_node("cross_engine_validation").settings[cross_engine.VERDICT]
+    result = ran(validation.cross_engine_validation(plan, EXPORTED, ADAPTED))
+    said = result.output_for_node("cross_engine_validation").settings[policy.VERDICT]
     assert (said["passed"], said["policy"]) == (False, digest(still_policy(deployment_task(robot))))
     assert any("asked is at most 0.1" in reason or "fell after" in reason for reason in said["reasons"])
     assert said["robot_digest"] == robot.digest != said["robot_of_bars"]

@@ -8,7 +8,7 @@ import dagster as dg
 import pytest
 
 from assets.plan import robot_plans
-from assets.webots import _checks, stored_verdict
+from assets.validation import _webots_checks, stored_verdict
 from pipeline.release.dossier import Dossier, Status, verdict_of
 from pipeline.webots.validate import MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, WebotsVerdict
 
@@ -67,7 +67,7 @@ def test_a_stand_in_that_breaks_is_told_beside_the_verdict_of_webots():
     ],
 )
 def test_the_check_of_a_webots_that_breaks_is_an_error(status: str, severity: dg.AssetCheckSeverity):
-    _, walks = _checks(robot_plans("t1")["webots_validation"], (), WebotsVerdict(engine=WEBOTS, status=status))
+    _, walks = _webots_checks(robot_plans("t1")["webots_validation"], (), WebotsVerdict(engine=WEBOTS, status=status))
     assert (walks.passed, walks.severity) == (False, severity)
 
 

@@ -6,14 +6,13 @@ import dagster as dg
 import pytest
 
 from assets import feedback
-from assets.approved import approvals_of
 from assets.project import Project
-from assets.runs import MAX_FAILURES
-from assets.sensors import page_request, renew_feedback_page
+from assets.sensors import MAX_FAILURES, page_request, renew_feedback_page
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.approved import entries_of, write_entries
+from pipeline.files import settings
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
 NOBODY = ("required: true", "required: false")
@@ -39,8 +38,8 @@ def without_a_person(project: Project) -> None:
 
 def page(project: Project, *reports: TrialReport) -> tuple[dict, dg.AssetCheckResult]:
     """What the asset's page says of reports, and its check."""
-    settings = {each.trial: {"report": each.to_dict()} for each in reports}
-    failures = Manifest(stage="failure_modes", entries=(), judged=(), settings=settings)
+    stored = {each.trial: {"report": settings.plain(each)} for each in reports}
+    failures = Manifest(stage="failure_modes", entries=(), judged=(), settings=stored)
     result = made_of(failures)
     project.store.save("curation_feedback", result.value)
     (check,) = result.check_results
@@ -56,8 +55,8 @@ def made_of(failures: Manifest) -> dg.MaterializeResult:
 
 def note_page(instance: dg.DagsterInstance, *reports: TrialReport) -> dict:
     """Make the page and note it in the history; its rows."""
-    settings = {each.trial: {"report": each.to_dict()} for each in reports}
-    result = made_of(Manifest(stage="failure_modes", entries=(), judged=(), settings=settings))
+    stored = {each.trial: {"report": settings.plain(each)} for each in reports}
+    result = made_of(Manifest(stage="failure_modes", entries=(), judged=(), settings=stored))
     instance.report_runless_asset_event(dg.AssetMaterialization(dg.AssetKey(["curation_feedback"]), tags=result.tags))
     return dict(result.metadata or {})
 
@@ -90,10 +89,10 @@ def test_the_page_is_made_anew_after_every_approval_and_taking_back(project):
         note_page(instance, fall(1))
         for act, pending in (
             (lambda: approve_proposal(project.feedback, digest, "a person", sections=("weights",)), 2),
-            (lambda: shutil.copy(project.proposed_feedback, project.approved_feedback), 0),
+            (lambda: shutil.copy(project.proposed_feedback, project.feedback.approved), 0),
             (lambda: take_back_sections(project.feedback, ("weights", "selection"), "a person"), 2),
-            (lambda: project.approved_feedback.write_text("approvals: 3\n"), 3),
-            (lambda: project.approved_feedback.unlink(), 3),
+            (lambda: project.feedback.approved.write_text("approvals: 3\n"), 3),
+            (lambda: project.feedback.approved.unlink(), 3),
         ):
             assert page_request(instance, project) is None
             act()
@@ -121,7 +120,7 @@ def test_a_page_that_cannot_be_made_is_tried_a_few_times_and_no_more(project):
 
 def test_copying_the_proposal_approves_it(project):
     page(project, fall(1))
-    shutil.copy(project.proposed_feedback, project.approved_feedback)
+    shutil.copy(project.proposed_feedback, project.feedback.approved)
     assert page(project, fall(1))[1].passed
 
 
@@ -131,25 +130,25 @@ def test_what_is_approved_and_proposed_no_longer_is_told_and_stays(project):
     said, check = page(project)
     assert said["proposal"] == "none" and check.passed
     assert said["approved, proposed no longer"].count("t1, ") == 3
-    assert len(approvals_of(project).changes) == 3
+    assert len(project.feedback.approvals().changes) == 3
 
 
 @pytest.mark.parametrize("text", ["approvals: 3\n", "approvals: [", "proposal: x\nchanges: []\n"])
 def test_a_broken_file_of_approvals_is_told_on_the_page_and_hides_no_proposal(project, text):
-    project.approved_feedback.parent.mkdir(exist_ok=True)
-    project.approved_feedback.write_text(text)
+    project.feedback.approved.parent.mkdir(exist_ok=True)
+    project.feedback.approved.write_text(text)
     said, check = page(project, fall(1))
     assert said["changes pending"] == 3 and not check.passed
     assert said["what is approved can't be used"] == found(check)
     assert "approved.yaml" in found(check) and "Mend it, or delete it and approve again" in found(check)
-    assert project.approved_feedback.read_text() == text
+    assert project.feedback.approved.read_text() == text
 
 
 def test_a_broken_section_is_told_on_the_page(project):
     changes = proposal(fall(1)).changes
-    write_entries(project.approved_feedback, entries_of(changes, "x", "a person"))
-    text = project.approved_feedback.read_text()
-    project.approved_feedback.write_text(text.replace("value: 1.25", "value: 1.2"))
+    write_entries(project.feedback.approved, entries_of(changes, "x", "a person"))
+    text = project.feedback.approved.read_text()
+    project.feedback.approved.write_text(text.replace("value: 1.25", "value: 1.2"))
     said, check = page(project, fall(1))
     assert said["changes approved"] == 2 and not check.passed
     assert "approve 'weights' of the current proposal again" in found(check)
@@ -168,12 +167,12 @@ def test_without_a_person_what_is_proposed_is_what_is_approved_no_more_and_no_le
     without_a_person(project)
     both = [report(number, failure(), saturated(36.0)) for number in range(2)]
     assert page(project, *both)[1].passed
-    assert len(approvals_of(project).changes) == 5
+    assert len(project.feedback.approvals().changes) == 5
     assert page(project, fall(1))[1].passed
-    assert {each.section for each in approvals_of(project).changes} == {"selection", "augmentation", "weights"}
+    assert {each.section for each in project.feedback.approvals().changes} == {"selection", "augmentation", "weights"}
     said, check = page(project)
     assert check.passed and said["changes approved"] == 0
-    assert not project.approved_feedback.exists(), "an empty proposal takes everything back"
+    assert not project.feedback.approved.exists(), "an empty proposal takes everything back"
 
 
 def test_without_a_person_what_one_approved_before_goes_with_its_proposal(project):
@@ -181,24 +180,24 @@ def test_without_a_person_what_one_approved_before_goes_with_its_proposal(projec
     approve_proposal(project.feedback, said["proposal"], "a person")
     without_a_person(project)
     page(project)
-    assert not project.approved_feedback.exists()
+    assert not project.feedback.approved.exists()
 
 
 def test_without_a_person_the_demonstration_takes_no_effect_unless_one_approves_it(project):
     without_a_person(project)
     shown = fall(1, simulated=True, file="demo/side_left_fall")
     said, _ = page(project, shown)
-    assert not project.approved_feedback.exists()
+    assert not project.feedback.approved.exists()
     approve_proposal(project.feedback, said["proposal"], "a person")
     page(project, shown)
-    assert len(approvals_of(project).changes) == 3
+    assert len(project.feedback.approvals().changes) == 3
     page(project, shown, fall(2))
-    assert {one.log for each in approvals_of(project).changes for one in each.witnesses} == {"log002.mcap"}
+    assert {one.log for each in project.feedback.approvals().changes for one in each.witnesses} == {"log002.mcap"}
 
 
 def test_without_a_person_a_broken_file_is_written_anew(project):
     without_a_person(project)
-    project.approved_feedback.parent.mkdir(exist_ok=True)
-    project.approved_feedback.write_text("approvals: 3\n")
+    project.feedback.approved.parent.mkdir(exist_ok=True)
+    project.feedback.approved.write_text("approvals: 3\n")
     assert page(project, fall(1))[1].passed
-    assert len(approvals_of(project).changes) == 3
+    assert len(project.feedback.approvals().changes) == 3

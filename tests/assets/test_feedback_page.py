@@ -10,7 +10,7 @@ ONE, OTHER = "a" * 64, "b" * 64
 
 def rests_on(*reports: TrialReport) -> dict[str, str]:
     """By part what its change rests on."""
-    page = FeedbackPage.of(proposal(*reports), Approvals())
+    page = FeedbackPage(proposal=proposal(*reports), approvals=Approvals())
     rows = page.metadata("digest")["what is proposed"].records
     return {str(row.data["part"]): str(row.data["rests on"]) for row in rows}
 

@@ -269,8 +269,8 @@ def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
 
 def test_a_broken_file_of_approvals_keeps_no_log_from_being_ingested(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
-    project.approved_feedback.parent.mkdir()
-    project.approved_feedback.write_text("approvals: 3\n")
+    project.feedback.approved.parent.mkdir()
+    project.feedback.approved.write_text("approvals: 3\n")
     with dg.DagsterInstance.ephemeral() as instance:
         assert isinstance(tick(instance), dict)
         assert materialize(instance).success

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from assets import cross_engine, failure_modes, feedback, limit_cycles, policy, resources, validation
+from assets import failure_modes, feedback, limit_cycles, policy, resources, validation
 from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -50,7 +50,7 @@ def project(tmp_path: Path, root: Path, k1: Robot, monkeypatch: pytest.MonkeyPat
     grid["simulation"]["seeds"] = 1
     grid["cells"] = {name: grid["cells"][name] for name in ("stand", "walk_0.6", "left_0.6")}
     (project.data / "cross_engine.yaml").write_text(json.dumps(grid))
-    for module in (cross_engine, failure_modes, feedback, limit_cycles, policy, resources, validation):
+    for module in (failure_modes, feedback, limit_cycles, policy, resources, validation):
         monkeypatch.setattr(module, "PROJECT", project)
     monkeypatch.setattr(validation, "cells_of", lambda suite, robot: suites.named(robot, FEW))
     monkeypatch.setattr(validation, "SHOWN", {"stand": 1})
@@ -72,7 +72,7 @@ def test_a_policy_put_in_place_is_exported_and_validated_in_both_engines(project
             dg.AssetSpec(TRAINED.key),
             dg.AssetSpec(PLANS["robot_model"].key),
             validation.mujoco_validation(named, EXPORTED, ADAPTED),
-            cross_engine.cross_engine_validation(PLANS["cross_engine_validation"], EXPORTED, ADAPTED),
+            validation.cross_engine_validation(PLANS["cross_engine_validation"], EXPORTED, ADAPTED),
         ],
         resources={
             "clip_pool": ClipPoolResource(workers=1),

@@ -7,11 +7,12 @@ import dagster as dg
 import pytest
 
 from assets import runs, sensors
-from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part, noting
+from assets.approved import PARTS, SHARED_PARTS, approved_part
 from assets.project import Project
-from assets.runs import MAX_FAILURES, alive
+from assets.runs import alive
 from assets.sensors import (
     APPROVED_TAG,
+    MAX_FAILURES,
     MAX_NIGHTLY_TRIES,
     approved_feedback_sensor,
     behind,
@@ -20,6 +21,7 @@ from assets.sensors import (
 )
 from pipeline.batch import Manifest
 from pipeline.feedback.approve import approve_proposal, take_back_sections
+from pipeline.feedback.approved import noting
 from pipeline.feedback.change import proposal_digest
 from tests.factories.feedback_project import feedback_project, note_materialized, propose_into, two_falls
 from tests.factories.trial_reports import proposal
@@ -90,7 +92,7 @@ def test_a_database_is_behind_from_an_approval_until_it_is_made(project):
     with dg.DagsterInstance.ephemeral() as instance:
         approve(project)
         assert behind(instance, project) == {}, "what was never made heeds it when it is made"
-        project.approved_feedback.unlink()
+        project.feedback.approved.unlink()
         note_materialized(instance, project)
         assert behind(instance, project) == {}
         approve(project, "weights")
@@ -156,7 +158,10 @@ def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(proj
         for count in range(MAX_NIGHTLY_TRIES):
             asked = tick(instance)
             if count >= MAX_FAILURES:
-                assert f"{count} runs for what is approved now came to nothing" in asked
+                assert (
+                    f"{count} runs for what is approved now (expert_db: approved_weights changed) came to nothing"
+                    in asked
+                )
                 asked = nightly_recuration(dg.build_schedule_context(instance=instance))
             assert isinstance(asked, dg.RunRequest)
             instance.report_run_failed(run_of(instance, asked, dg.DagsterRunStatus.STARTED))
@@ -175,7 +180,9 @@ def test_a_run_that_a_person_cancels_is_not_started_again_until_something_change
         instance.report_run_canceling(run)
         assert "a run was started" in str(tick(instance))
         instance.report_run_canceled(run)
-        assert f"run {run.run_id} for what is approved now was cancelled" in str(tick(instance))
+        assert f"run {run.run_id} for what is approved now (expert_db: approved_weights changed) was cancelled" in str(
+            tick(instance)
+        )
         assert isinstance(nightly_recuration(dg.build_schedule_context(instance=instance)), dg.SkipReason)
         instance.report_run_failed(run_of(instance, dg.RunRequest(), dg.DagsterRunStatus.STARTED))
         assert isinstance(tick(instance), dg.RunRequest), "somebody started one by hand, which failed"
@@ -243,8 +250,8 @@ def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monk
 
 
 def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):
-    project.approved_feedback.parent.mkdir(parents=True, exist_ok=True)
-    project.approved_feedback.write_text("approvals: 3\n")
+    project.feedback.approved.parent.mkdir(parents=True, exist_ok=True)
+    project.feedback.approved.write_text("approvals: 3\n")
     with dg.DagsterInstance.ephemeral() as instance:
         assert "approved.yaml: 'approvals' is 3" in tick(instance)
 
@@ -252,13 +259,13 @@ def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):
 def test_a_section_that_no_database_heeds_stops_none(project):
     with reached(project) as instance:
         approve(project)
-        text = project.approved_feedback.read_text()
+        text = project.feedback.approved.read_text()
         assert text.count("value: 0.8") == 1, "the range of gains"
-        project.approved_feedback.write_text(text.replace("value: 0.8", "value: 0.7"))
-        assert set(approvals_of(project).faults) == {"randomization"}
+        project.feedback.approved.write_text(text.replace("value: 0.8", "value: 0.7"))
+        assert set(project.feedback.approvals().faults) == {"randomization"}
         request = tick(instance)
         assert isinstance(request, dg.RunRequest) and request.asset_selection == [DATABASE]
-        project.approved_feedback.write_text(text.replace("value: 1.5625", "value: 1.5"))
+        project.feedback.approved.write_text(text.replace("value: 1.5625", "value: 1.5"))
         assert "'weights': its changes do not have the digest" in str(tick(instance))
 
 

@@ -1,7 +1,6 @@
 """`tracking_policy`: serves what ships, trains by request or before a policy, serves a full training and no trial."""
 
 import csv
-import dataclasses
 import json
 import logging
 import shutil
@@ -11,7 +10,7 @@ from typing import Any
 import dagster as dg
 import pytest
 
-from assets import bootstrap, definitions, resources, tracker_choice, tracking_policy, training_process
+from assets import bootstrap, definitions, freshness, resources, tracker_choice, tracking_policy, training_process
 from assets.plan import SHARED, plans, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -75,19 +74,19 @@ def test_the_shipped_tracker_is_served_and_a_trial_is_not(project: Project):
 
 def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot: Robot, monkeypatch):
     """The command of a GPU's run, with the CPU in its place."""
-    ran: list[list[str]] = []
+    ran: list[tuple[str, ...]] = []
 
-    def on_the_cpu(run: tracking_policy.TrackerRun, root: Path, lock: Path, log: logging.Logger) -> None:
+    def on_the_cpu(run: training_process.Run, root: Path, lock: Path, log: logging.Logger) -> None:
         ran.append(run.command)
         assert root == project.root and lock == project.training_lock
-        command = dataclasses.replace(run, device="cpu").command
+        command = ["cpu" if word == "cuda" else word for word in run.command]
         assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
 
     monkeypatch.setattr(training_process, "gpus_here", lambda: 1)
     monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
     found = materialized(train=tracker_choice.ALWAYS, num_envs=2, iterations=1)
     (command,) = ran
-    assert command[:2] == ["-m", "pipeline.tracking"] and command[-1] == "--resume"
+    assert command[:2] == ("-m", "pipeline.tracking") and command[-1] == "--resume"
     assert command[command.index("--device") + 1] == "cuda" and command[command.index("--minutes") + 1] == "30"
     assert (found["origin"], found["trained on"]) == (tracker_choice.TRAINED, "2 clips")
     assert found["references that it was not trained on"] == 0
@@ -104,8 +103,9 @@ def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Pro
     monkeypatch.setattr(training_process, "gpus_here", lambda: 2)
     config = tracking_policy.TrackerConfig(train=tracker_choice.ALWAYS, gpus=2)
     run = tracking_policy._run_of(config, project.root, project.root / "bundle", "content")
-    assert run.command[:4] == ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
-    assert (run.num_envs, run.iterations) == (4096, tracking_policy.ITERATIONS)
+    assert run.command[:4] == ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2")
+    sizes = [run.command[run.command.index(name) + 1] for name in ("--num-envs", "--iterations")]
+    assert sizes == ["4096", str(tracking_policy.ITERATIONS)]
     other = tracking_policy._run_of(config, project.root, project.root / "bundle", "other content")
     assert other.folder != run.folder, "other references begin another run"
     for device in ("auto", "cuda"):
@@ -123,9 +123,9 @@ def test_a_robot_without_a_tracker_has_none_and_the_page_says_so(project: Projec
 def test_before_a_policy_a_tracker_is_trained_once_on_other_clips(project: Project, monkeypatch):
     trained: list[Path] = []
 
-    def on_the_cpu(run: tracking_policy.TrackerRun, root: Path, lock: Path, log: logging.Logger) -> None:
+    def on_the_cpu(run: training_process.Run, root: Path, lock: Path, log: logging.Logger) -> None:
         trained.append(run.folder)
-        command = dataclasses.replace(run, device="cpu").command
+        command = ["cpu" if word == "cuda" else word for word in run.command]
         assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
 
     monkeypatch.setattr(training_process, "gpus_here", lambda: 1)
@@ -158,11 +158,14 @@ def test_a_tracker_is_needed_for_a_policy_on_a_gpu_whose_clips_it_was_not_traine
 
 def test_the_database_is_made_again_with_a_new_tracker():
     bootstrap.serve(definitions.defs)
-    made_for = bootstrap.made_for(bootstrap._parents(), plans(Project(Path.cwd())))
-    wanted = {PLANS[name].key for name in ("reference_motions", "tracking_policy", "augmented_motions", "expert_db")}
-    found = bootstrap._after_trackers(
-        {PLANS["tracking_policy"].key}, made_for, wanted | {PLANS["feasible_motions"].key}
-    )
-    names = {key.path[-1]: why for key, why in found.items()}
-    assert list(names) == ["tracking_policy", "augmented_motions", "feasible_motions", "expert_db"]
-    assert names["augmented_motions"] == "'tracking_policy' is trained first"
+    known = plans(Project(Path.cwd()))
+    parents = {key: above & set(known) for key, above in bootstrap._parents().items() if key in known}
+    with dg.DagsterInstance.ephemeral() as instance, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(freshness, "_why_by_itself", lambda *_: "")
+        found = freshness.stale_reasons(
+            instance, Project(Path.cwd()), known, parents, {}, {PLANS["tracking_policy"].key: "needed"}
+        )
+    names = [key.to_user_string() for key in found]
+    assert names[:4] == ["tracking_policy", "augmented_motions", "feasible_motions", "expert_db"]
+    assert found[PLANS["augmented_motions"].key] == "'tracking_policy' is stale"
+    assert "reference_motions" not in names and "k1/expert_db" not in names

@@ -41,7 +41,7 @@ def start(run, place):
 
 
 def option(run, name):
-    (value,) = (text.split("=")[1] for text in run.options if text.startswith(f"{name}="))
+    (value,) = (text.split("=")[1] for text in run.command if text.startswith(f"{name}="))
     return value
 
 
@@ -50,7 +50,7 @@ def test_without_a_gpu_a_trial_is_trained(place, monkeypatch):
     assert (run.trial, run.device) == (True, "cpu")
     sizes = [option(run, name) for name in ("simulation.num_envs", "schedule.iterations", "distillation.iterations")]
     assert sizes == ["8", "2", "0"], "the bundle has no tracker"
-    assert run.command[-3:] == ["--stages", "distillation", "amp"]
+    assert run.command[-3:] == ("--stages", "distillation", "amp")
     assert run.folder.name.startswith(f"trial-{DEFAULT}-seed1-")
     start(run, place)
     config = json.loads((run.folder / "config.json").read_text())
@@ -65,8 +65,8 @@ def test_a_trial_distils_where_the_bundle_has_a_tracker(place, monkeypatch):
 
 def test_with_gpus_it_is_a_full_training_by_torchrun(place, monkeypatch):
     one = asked(place, 4, monkeypatch)
-    assert (one.trial, one.device, one.options) == (False, "cuda", ())
-    assert one.command[:2] == ["-m", "pipeline.training"] and "--stages" not in one.command
+    assert (one.trial, one.device) == (False, "cuda")
+    assert one.command[:2] == ("-m", "pipeline.training") and not {"--stages", "--set"} & set(one.command)
     four = asked(place, 4, monkeypatch, gpus=4, num_envs=1024, minutes=12.5)
     assert "--nproc-per-node=4" in four.command
     assert (option(four, "simulation.num_envs"), option(four, "schedule.minutes")) == ("1024", "12.5")
@@ -142,8 +142,7 @@ def test_the_lock_is_the_processs_own_as_well(place, monkeypatch):
 import logging, sys
 from pathlib import Path
 from assets.training_process import Run, train
-run = Run(folder=Path({str(run.folder)!r}), bundle=Path({str(run.bundle)!r}), preset="p", seed=99,
-          options={run.options!r}, device="cpu", gpus=1, trial=True)
+run = Run(folder=Path({str(run.folder)!r}), bundle=Path({str(run.bundle)!r}), device="cpu", command={run.command!r})
 train(run, Path({str(place)!r}), Path({str(place / "lock")!r}), logging.getLogger())
 """
     asset = subprocess.Popen([sys.executable, "-c", code], start_new_session=True)

@@ -81,5 +81,5 @@ def test_other_engines_say_the_digest_of_what_they_walk_too(
     monkeypatch.setattr(policy, "PROJECT", project)
     monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
     exported = Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": {"digest": "another"}})
-    found = policy.evaluated_policy(policy.EvaluatedPolicyConfig(), exported, "t1")
+    found, _ = policy.evaluated_policy(policy.EvaluatedPolicyConfig(), exported, "t1")
     assert digest(found.policy) == digest(still)

@@ -59,8 +59,7 @@ def checkout(root, tmp_path_factory) -> Checkout:
     shutil.rmtree(made.root / "data/feedback", ignore_errors=True)
     place = "    why = stale_now("
     made.replace("assets/database.py", place, KILLS + place)
-    for name in ("EVERY_S", "LOGS_EVERY_S"):
-        made.replace("assets/sensors.py", f"\n{name} = 30\n", f"\n{name} = {EVERY_S:.0f}\n")
+    made.replace("assets/sensors.py", "\nEVERY_S = 30\n", f"\nEVERY_S = {EVERY_S:.0f}\n")
     made.materialize()
     return made
 

@@ -105,11 +105,11 @@ def test_the_process_beside_the_server_makes_them_all_and_ends_with_it(root, rob
     process.stop()
     assert process.made == process.wanted == len(read_table(Store(root=folder / "data/store"), "t1").rows)
     assert len(list((folder / "data/store/thumbnails").rglob("*.bin"))) == process.made
-    assert process.ended(30.0)
+    process._process.wait(30.0)
 
 
 def test_the_process_ends_at_once_when_the_server_does(root, robot, tmp_path):
     folder = made.curated_project(root, tmp_path / "project", robot)
     process = ThumbnailProcess(folder, "t1")
     process.stop()
-    assert process.ended(30.0)
+    process._process.wait(30.0)

@@ -11,6 +11,7 @@ from assets.project import Project
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.change import proposal_digest
+from pipeline.files import settings
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
 HEEDING = ("selected_motions", "motion_variants", "feasible_motions", "adapted_robot")
@@ -34,7 +35,7 @@ def two_falls() -> tuple[TrialReport, ...]:
 def propose_into(project: Project, *reports: TrialReport) -> str:
     """Store what the rules make of reports as the asset does; the proposal's digest."""
     changes = proposal(*reports).changes
-    stored = {f"{place:04d}": change.to_dict() for place, change in enumerate(changes)}
+    stored = {f"{place:04d}": settings.plain(change) for place, change in enumerate(changes)}
     manifest = Manifest(stage=FIELD[1].name, entries=(), judged=(), settings=stored)
     project.store.save("curation_feedback", manifest)
     return proposal_digest(changes)

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from assets.approved import approvals_of
 from assets.hardware import ingest_folder
 from assets.plan import TRIALS
 from assets.project import Project
@@ -124,7 +123,7 @@ def _approve(folder: Path) -> None:
 
 
 def _check_approval(folder: Path) -> str:
-    approvals = approvals_of(Project(folder))
+    approvals = Project(folder).feedback.approvals()
     assert approvals.readable and not approvals.faults
     assert len(approvals.changes) in (0, 5)
     return "after" if approvals.changes else "before"

@@ -133,6 +133,11 @@ MISTAKES = {
         "torque",
         "Left_Knee_Pitch",
     ),
+    "gains that shake in simulation": Mistake(
+        both(*(cell("joints.csv", f"{side}_Elbow_Pitch", "kd", "20") for side in ("Left", "Right"))),
+        "gains",
+        "Left_Elbow_Pitch' shakes",
+    ),
     "gains that let it fall": Mistake(
         both(
             *(

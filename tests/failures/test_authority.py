@@ -101,13 +101,13 @@ def test_a_robot_that_is_damped_after_its_fall_fell_once(robot, actuators):
 
 def test_an_outage_comes_as_often_as_it_is_planted(robot):
     count = len(robot.joint_names)
-    outage = Outage(start_s=1.0, stop_s=1.4, every_s=1.0, times=3, joints=(KNEE,))
+    outages = [Outage(start_s=start_s, stop_s=start_s + 0.4, joints=(KNEE,)) for start_s in (1.0, 2.0, 3.0)]
     motors = FailingMotors(
         kp=np.full(count, 10.0),
         kd=np.zeros(count),
         envelope=motor_envelope(robot),
         timestep_s=0.1,
-        outages=((outage, joints_of(robot, outage)),),
+        outages=tuple((outage, joints_of(robot, outage)) for outage in outages),
     )
     given = np.array([motors.torque(np.full(count, 0.1), np.zeros(count), np.zeros(count)) for _ in range(50)])
     off = given[:, robot.joint(KNEE)] == 0.0
@@ -115,7 +115,7 @@ def test_an_outage_comes_as_often_as_it_is_planted(robot):
     assert off.sum() == pytest.approx(12, abs=1)
     others = np.delete(given, robot.joint(KNEE), axis=1)
     assert (others == 1.0).all()
-    assert "3 times" in outage.word() and KNEE in outage.word()
+    assert outages[1].word() == f"motors off from 2 s to 2.4 s ({KNEE})"
 
 
 def test_none_of_these_kinds_is_the_policys():

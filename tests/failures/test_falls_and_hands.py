@@ -10,6 +10,7 @@ from pipeline.failures.falls import ATTITUDE_ALONE, BOTH, FLAG_ALONE, falls
 from pipeline.failures.find import find_failures
 from pipeline.failures.held import excuse_at, excuses
 from pipeline.failures.signals import signals_of
+from pipeline.files import settings
 from pipeline.hardware_logs import OperatorEvent, Trial
 from pipeline.robot import Robot
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, Hold
@@ -115,7 +116,7 @@ def test_where_the_command_is_lost_a_fall_is_of_no_command_and_nothing_is_steady
     (fall,) = [each for each in report.failures if each.kind == "fall"]
     assert report.command_known and not fall.command_known and "command not known" in fall.text()
     assert all(command[:3] == pytest.approx((0.0, 0.4, 0.0)) for command in report.commands)
-    restored = Failure.from_dict(fall.to_dict())
+    restored = Failure.from_dict(settings.plain(fall))
     assert restored == fall
 
 

@@ -10,6 +10,7 @@ from pipeline.failures.falls import slips, stumbles, windows_over
 from pipeline.failures.find import find_failures
 from pipeline.failures.signals import RobotMismatchError, signals_of
 from pipeline.failures.tracking import delay_and_gain, tracking_divergences
+from pipeline.files import settings
 from tests.factories.log_trials import FAILURES
 
 END_S = 99.0
@@ -99,5 +100,5 @@ def test_a_failure_survives_its_json_form():
         confidence=0.9,
         evidence={"attitude": True, "x": 1.5},
     )
-    assert Failure.from_dict(failure.to_dict()) == failure
+    assert Failure.from_dict(settings.plain(failure)) == failure
     assert "fall at 1.00 s" in failure.text() and "attitude yes" in failure.text()

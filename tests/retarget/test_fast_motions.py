@@ -8,9 +8,10 @@ import pytest
 
 from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip, body
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings as settings_file
 from pipeline.retarget import RetargetSettings, process
-from pipeline.retarget.clearance import _sideways_or_shortest
+from pipeline.retarget.clearance import _sideways_or_shortest, shank_overlap, through_stances
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.foot_reach import Hips, lacking
 from pipeline.retarget.narrowing import lateral_share, narrowed
@@ -20,6 +21,7 @@ from pipeline.retarget.solver import solver_for
 from pipeline.retarget.trunk_lean import limited_lean
 from pipeline.robot import Kinematics, load_robot
 from pipeline.scoring import score
+from pipeline.simulation.mujoco_plant import self_collision
 from tests.factories.human_clips import Gait, standing, walker
 
 ROBOT = load_robot("t1")
@@ -168,6 +170,63 @@ def test_steps_that_the_legs_barely_reach_do_not_jerk_the_pelvis(speed_m_s, way)
     assert with_it["pelvis_acceleration_ratio"] < 1.5 < 2.0 < without["pelvis_acceleration_ratio"]
     assert with_it["pelvis_velocity_error_m_s"] < without["pelvis_velocity_error_m_s"]
     assert with_it["slip_m_s"] < 1.05 * without["slip_m_s"]
+
+
+def test_shanks_are_too_close_where_mujoco_finds_them_in_a_thigh():
+    rng, frames = np.random.default_rng(3), 3000
+    joint_pos = np.tile(ROBOT.default_joint_pos, (frames, 1))
+    for side, inward in (("Left", -0.2), ("Right", 0.2)):
+        joint_pos[:, ROBOT.joint(f"{side}_Hip_Pitch")] = rng.uniform(-1.2, 0.6, frames)
+        joint_pos[:, ROBOT.joint(f"{side}_Hip_Roll")] = inward
+        joint_pos[:, ROBOT.joint(f"{side}_Hip_Yaw")] = rng.uniform(-0.8, 0.8, frames)
+        joint_pos[:, ROBOT.joint(f"{side}_Knee_Pitch")] = rng.uniform(0.3, 2.0, frames)
+    origin, upright = np.zeros((frames, 3)), np.tile(rotation.IDENTITY, (frames, 1))
+    clip = RobotClip(
+        name="legs",
+        fps=FPS,
+        robot=ROBOT.name,
+        joint_names=ROBOT.joint_names,
+        root_pos_w=origin,
+        root_quat_w=upright,
+        joint_pos=joint_pos,
+    )
+    kinematics = Kinematics(ROBOT)
+    poses = kinematics.forward(origin, upright, joint_pos)
+    found = shank_overlap(kinematics, poses, ROBOT, SETTINGS.clearance)
+    pairs = self_collision(clip, ROBOT).pairs
+    touching = np.array(
+        [pair is not None and {part.split("_")[1] for part in pair} == {"thigh", "shank"} for pair in pairs]
+    )
+    assert touching.sum() > 20
+    assert (found[touching] > 0.0).all()
+    assert not shank_overlap(kinematics, kinematics.forward(*still()), ROBOT, SETTINGS.clearance).any()
+
+
+def still() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Root position, orientation and joints of the default pose, one frame."""
+    return np.zeros((1, 3)), rotation.IDENTITY[None], ROBOT.default_joint_pos[None]
+
+
+def test_a_way_outward_is_one_in_each_stance_and_has_no_step():
+    contact = np.zeros(60, dtype=bool)
+    contact[:20] = contact[40:] = True
+    way = np.zeros(60)
+    way[19], way[50] = 0.01, 0.03
+    held = through_stances(way, contact, 2)
+    assert (held[:20] == 0.01).all()
+    assert (held[40:] == 0.03).all()
+    assert (np.diff(held[19:41]) > 0.0).all()
+    assert np.diff(held).max() < 0.002
+    assert (through_stances(way, ~contact, 2)[20:40] == 0.01).all(), "close by a stance counts for it"
+
+
+def test_legs_that_cross_meet_less_where_feet_are_sent_outward():
+    human = crossing(1.2, 0.35)
+    off = dataclasses.replace(SETTINGS, clearance=dataclasses.replace(SETTINGS.clearance, leg_distance=0.0))
+    clips = [process(human, {}, settings=each, robot=ROBOT).pieces[0].clip for each in (SETTINGS, off)]
+    deepest, without = (self_collision(clip, ROBOT).depth.max() for clip in clips if isinstance(clip, RobotClip))
+    assert without > 0.01
+    assert deepest < 0.7 * without
 
 
 def test_a_hand_over_the_thigh_goes_up_and_one_beside_it_outward():

@@ -8,8 +8,7 @@ import pytest
 
 from pipeline.cli.main import main
 from pipeline.robot import load_robot
-from pipeline.robot_import.mirror_names import propose_pairs
-from pipeline.robot_import.propose import propose
+from pipeline.robot_import.propose import propose, propose_pairs
 from pipeline.robot_import.read import read_model
 from pipeline.robot_import.write import write_folder
 from tests.factories.maker_models import T1

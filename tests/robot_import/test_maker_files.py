@@ -166,9 +166,9 @@ def test_what_a_person_states_takes_the_place_of_proposals(tmp_path: Path):
     [
         ("joint,mass\n", "line 1: its columns are joint, mass"),
         ("joint,kp\nKnee,3\n", "line 2: there is no joint 'Knee'"),
-        ("joint,kp\nWaist,much\n", "line 2: kp of 'Waist' is 'much'"),
+        ("joint,kp\nWaist,much\n", "line 2: 'Waist': kp is 'much'"),
         ("joint,kp\nWaist\n", "line 2: the row has 1 values"),
-        ("joint,controlled\nWaist,perhaps\n", "controlled of 'Waist' is 'perhaps'"),
+        ("joint,controlled\nWaist,perhaps\n", "'Waist': controlled is 'perhaps'"),
     ],
 )
 def test_a_faulty_table_of_a_person_is_refused(tmp_path: Path, text: str, told: str):

@@ -18,7 +18,7 @@ from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.disturbance import draw
-from pipeline.tracking.process import NOT_TRACKED, disturbed_count, disturbed_motion, motion_to_failure, process
+from pipeline.tracking.process import NOT_TRACKED, Setup, disturbed_count, disturbed_motion, motion_to_failure, process
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker import load_tracker
 from pipeline.tracking.tracker_folder import CARD, CURVES, NETWORK, read_card
@@ -45,8 +45,8 @@ def rolled(
     function: Callable[..., Outcome] = process,
     **further: float,
 ) -> Outcome:
-    given = {"settings": values, "robot": robot, "envelope": TorqueEnvelope(limit=robot.torque_limit)}
-    return function(clip, {"variant": variant}, **given, tracker=tracker, **further)
+    setup = Setup(settings=values, robot=robot, envelope=TorqueEnvelope(limit=robot.torque_limit), tracker=tracker)
+    return function(clip, {"variant": variant}, setup=setup, **further)
 
 
 def hovering(robot: Robot) -> RobotClip:

@@ -14,7 +14,7 @@ from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import Bar, CellBars, read_validation
-from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
+from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.derived_bars import limit_cycle_bars
 from pipeline.validation.limit_cycle_walks import (
     SpeedCycles,
@@ -27,6 +27,7 @@ from pipeline.validation.limit_cycles import PLANES, LimitCycleSettings, compare
 from pipeline.viewing.validation_plots import limit_cycle_plots
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 from tests.factories.networks import network
+from tests.factories.policy_walks import ANKLE_KD
 
 RATE_HZ = 100.0
 

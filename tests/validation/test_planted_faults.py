@@ -8,9 +8,10 @@ import pytest
 
 from pipeline.deployment import load_policy
 from pipeline.validation.bars import ValidationSettings, read_validation
-from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
+from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from tests.factories.cross_engine_faults import FAULTS, with_normalizer
 from tests.factories.planted_faults import CAUGHT_BY, judged
+from tests.factories.policy_walks import ANKLE_KD
 
 pytestmark = pytest.mark.shared
 

@@ -8,19 +8,18 @@ import pytest
 
 from pipeline.batch import ClipPool
 from pipeline.deployment import Policy, deployment_task, load_policy
-from pipeline.errors import FileError, UnknownNameError
+from pipeline.errors import UnknownNameError
 from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.terrain import FlatGround, Slope
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cells import TERRAINS, Cell, condition_cells, terrain_cells
-from pipeline.validation.deployed import Deployed, anchor, deployed, with_ankle_kd
-from pipeline.validation.derive import cell_digest, read_numbers, write_numbers
+from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.figures import measure, numbers_of
 from pipeline.validation.suites import named, push_cells
 from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, Start, Trial, VelocityCommand
 from pipeline.validation.walk import Branches, Worlds, drawn_start, ground_of, walk
-from tests.factories.cross_engine_faults import action_scale_halved, left_and_right_swapped, wrong_joint_order
 from tests.factories.policies import random_policy, still_policy
+from tests.factories.policy_walks import anchor
 
 STAND = CommandProfile(commands=(VelocityCommand(),))
 
@@ -129,27 +128,6 @@ def test_pushes_that_share_the_way_there_have_the_bits_of_whole_walks(still: Dep
         np.testing.assert_array_equal(part.action, whole.action[-len(part.action) :])
         assert part.fell_s == whole.fell_s
         assert numbers_of(part, short, moved.envelope) == numbers_of(whole, short, moved.envelope)
-
-
-def test_kept_numbers_are_of_the_same_question_only(tmp_path: Path, still: Deployed):
-    cell = Cell(name="a", group="test", figures=("falls",), trials=(_trial(seconds=0.2),))
-    kept = measure(still, (cell,), ClipPool(workers=1))
-    write_numbers(tmp_path / "numbers.json", still, kept)
-    assert read_numbers(tmp_path / "numbers.json", still, (cell,))["a"] == kept[0]
-    others = (
-        with_ankle_kd(still, 2.0),
-        dataclasses.replace(still, envelope=TorqueEnvelope(limit=0.6 * still.robot.torque_limit)),
-        dataclasses.replace(still, armature=0.0 * still.robot.armature),
-        action_scale_halved(still),
-        wrong_joint_order(still),
-        left_and_right_swapped(still),
-    )
-    assert len({cell_digest(one, cell) for one in (still, *others)}) == 7
-    for one in others:
-        assert read_numbers(tmp_path / "numbers.json", one, (cell,)) == {}
-    (tmp_path / "numbers.json").write_text("{")
-    with pytest.raises(FileError, match="is no JSON"):
-        read_numbers(tmp_path / "numbers.json", still, (cell,))
 
 
 def test_the_anchor_has_the_manufacturers_armatures_and_ankles(root: Path, robot: Robot):

@@ -1,4 +1,1 @@
-"""Stand-in for Webots: load a project's world, step it in another engine, and run its unchanged controller.
-
-Results are labelled with MuJoCo or ODE, never with Webots.
-"""
+"""Stand-in for Webots: a project's world in another engine, whose name labels the results; the same controller."""

@@ -32,11 +32,7 @@ class OdeNotFoundError(PipelineError):
 
 
 def load_ode() -> Any:
-    """pyode's module: installed, from the folder `BOOSTER_LAB_ODE`, or from Debian's folder.
-
-    Only the module's own file is loaded from a folder, so that other modules there shadow nothing. Raises
-    OdeNotFoundError.
-    """
+    """The file of pyode alone: installed, of the folder `BOOSTER_LAB_ODE`, or Debian's. Raises OdeNotFoundError."""
     try:
         return _with_worlds(importlib.import_module("ode"))
     except ImportError as error:

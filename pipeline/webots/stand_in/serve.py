@@ -95,10 +95,7 @@ def _velocity_at(place: np.ndarray, root: RootMotion) -> np.ndarray:
 
 
 def serve(world: Path, engine: str) -> int:
-    """Run a world in the engine `mujoco` or `ode` until its controller ends it; the exit status.
-
-    Raises FileError, OdeNotFoundError.
-    """
+    """Run a world in `mujoco` or `ode` until its controller ends it; the exit status. Raises PipelineError."""
     world = world.resolve()  # the controller has another working directory
     scene = read_scene(world)
     simulation = Simulation(scene, OdeEngine(scene) if engine == "ode" else MujocoEngine(scene))
