@@ -3,7 +3,6 @@
 A check is a function of a stage's manifest: whether it holds, and what was found. It is named by its function.
 """
 
-import math
 from inspect import getdoc
 
 import dagster as dg
@@ -11,6 +10,7 @@ import dagster as dg
 from assets.plan import Plan
 from assets.report import check_result
 from pipeline.batch import Manifest
+from pipeline.batch.shard import MISSING
 
 Verdict = tuple[bool, str]
 
@@ -24,13 +24,15 @@ def every_clip_accounted_for(manifest: Manifest) -> Verdict:
 
 def finite_numbers(manifest: Manifest) -> Verdict:
     """All numbers of the clips that go on are finite, and each clip has a length."""
-    bad = [
-        f"{entry.clip} {name}"
-        for entry in manifest.entries
-        for name, value in entry.numbers.items()
-        if isinstance(value, float) and not math.isfinite(value)
-    ]
-    bad += [entry.clip for entry in manifest.entries if not entry.numbers.get("seconds", 0.0) > 0.0]
+    try:
+        shards = manifest.entry_shards
+    except ValueError as error:  # a shard takes no other numbers
+        return False, str(error)
+    bad: list[str] = []
+    for shard in shards:
+        columns = shard.columns(["clip", "seconds"])
+        seconds = columns.get("seconds", [0.0] * shard.count)
+        bad += [clip for clip, own in zip(columns["clip"], seconds, strict=True) if own is MISSING or not own > 0.0]
     return not bad, ", ".join(bad) if bad else f"{len(manifest.entries)} clips"
 
 

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import dagster as dg
+import pandas as pd
 
 from assets.actuators import MODELS_AGREE, actuator_calibration, actuator_measurements, adapted_robot
 from assets.approved import approval_metadata, approved_key, approved_part, approved_specs
@@ -36,7 +37,7 @@ from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_co
 from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
 from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.evaluated import READ as OF_RESULTS
-from pipeline.feasibility.evaluated import Results, results_of_pieces, with_evaluated, without_evaluated
+from pipeline.feasibility.evaluated import Results, ResultsOfPieces, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
@@ -198,7 +199,7 @@ def results_at_hand(references: Plan) -> Results:
     path = criteria_table.path_beside(manifest)
     if not criteria_table.belongs(path, manifest):
         return {}
-    return results_of_pieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
+    return ResultsOfPieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:
@@ -227,7 +228,7 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
 def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
-    found = accepted_variations(rollouts, feasible)
+    found = accepted_variations(rollouts, feasible) if rollouts.judged else pd.DataFrame()
     if found.empty:
         return {}
     accepted, tried = found["accepted"].tolist(), found["tried"].tolist()

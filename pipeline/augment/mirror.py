@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from pipeline import time_series
+from pipeline import rotation, time_series
 from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
 
@@ -22,12 +22,14 @@ def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
     last_s = (clip.frame_count - 1) / clip.fps
     count = int(np.floor(last_s * clip.fps / scale + 1e-6)) + 1
     times_s = np.minimum(np.arange(count) * scale / clip.fps, last_s)
+    columns = [clip.root_pos_w, rotation.make_continuous(clip.root_quat_w), clip.joint_pos]
+    moved = time_series.resample_cubic(np.concatenate(columns, axis=1), clip.fps, times_s)
     return dataclasses.replace(
         clip,
         name=name,
-        root_pos_w=time_series.resample_cubic(clip.root_pos_w, clip.fps, times_s),
-        root_quat_w=time_series.resample_quat_cubic(clip.root_quat_w, clip.fps, times_s),
-        joint_pos=time_series.resample_cubic(clip.joint_pos, clip.fps, times_s),
+        root_pos_w=moved[:, :3].copy(),
+        root_quat_w=rotation.normalize(moved[:, 3:7]),
+        joint_pos=moved[:, 7:].copy(),
         contacts=None if clip.contacts is None else time_series.resample_nearest(clip.contacts, clip.fps, times_s),
     )
 

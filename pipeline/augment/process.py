@@ -115,21 +115,31 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, rob
         originals.append(_piece(image, mirror_numbers(numbers), clip.name, mirrored=True, scale=1.0))
     pieces = list(originals)
     if numbers.get("skill") not in settings.unscaled_skills:
-        pieces += [_scaled(piece, scale, clip.name, robot) for scale in settings.time_scales for piece in originals]
+        for scale in settings.time_scales:
+            faster = time_scale_clip(clip, scale, clip.name)
+            pieces += [_scaled(piece, faster, scale, clip.name, robot) for piece in originals]
     perturbed, reasons = _perturbed(originals, settings.perturbations, robot, settings.contact)
     pieces += perturbed
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers={"variants": len(pieces)})
 
 
-def _scaled(piece: Piece, scale: float, parent: str, robot: Robot) -> Piece:
-    """The piece at another speed. Splines overshoot where a joint rests at its limit: what they pass it by is cut."""
-    clip = piece.clip
+def _scaled(piece: Piece, faster: RobotClip, scale: float, parent: str, robot: Robot) -> Piece:
+    """The piece at another speed, of which `faster` is the original: of a mirror image it is the mirror image.
+
+    Splines overshoot where a joint rests at its limit: what they pass it by is cut.
+    """
+    clip, name = piece.clip, f"{piece.clip.name}~x{scale:g}"
     assert isinstance(clip, RobotClip)
-    faster = time_scale_clip(clip, scale, f"{clip.name}~x{scale:g}")
+    mirrored = bool(piece.numbers["mirrored"])
+    faster = mirror_clip(faster, robot, name) if mirrored else dataclasses.replace(faster, name=name)
     lower = np.minimum(robot.joint_lower, clip.joint_pos.min(axis=0))
     upper = np.maximum(robot.joint_upper, clip.joint_pos.max(axis=0))
-    faster = dataclasses.replace(faster, joint_pos=np.clip(faster.joint_pos, lower, upper))
-    mirrored = bool(piece.numbers["mirrored"])
+    faster = dataclasses.replace(
+        faster,
+        root_pos_w=faster.root_pos_w + 0.0,  # a spline has no negative zeros
+        root_quat_w=faster.root_quat_w + 0.0,
+        joint_pos=np.clip(faster.joint_pos, lower, upper) + 0.0,
+    )
     return _piece(faster, time_scale_numbers(piece.numbers, scale), parent, mirrored=mirrored, scale=scale)
 
 

@@ -96,8 +96,9 @@ class _Part:
     count: int
     clips: Callable[[], Sequence[str]]
     """Names of what is asked about."""
-    jobs: Callable[[], list[_Job]]
-    """The questions, in the order of their names."""
+    jobs: Callable[[Sequence[str]], list[_Job]]
+    """The questions, in the order of their names, by their keys where these are known: they take longer than the rest
+    to work out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,17 +118,21 @@ def run_stage(
 ) -> Manifest:
     """The stage on all clips that `previous` hands on (or on `entries` of it), by their names within each shard."""
 
-    def jobs(shard: Shard[Entry]) -> list[_Job]:
+    def key_of(entry: Entry) -> str:
+        return stage.key(entry.clip, entry.blob, entry.numbers)
+
+    def jobs(shard: Shard[Entry], keys: Sequence[str]) -> list[_Job]:
+        entries = sorted(shard.rows(), key=lambda entry: entry.clip)
         return [
             _Job(
                 clip=entry.clip,
-                key=stage.key(entry.clip, entry.blob, entry.numbers),
+                key=key,
                 about=entry,
                 group=stage.group_of(entry),
                 numbers=entry.numbers,
                 record=entry.record,
             )
-            for entry in sorted(shard.rows(), key=lambda entry: entry.clip)
+            for entry, key in zip(entries, keys or map(key_of, entries), strict=True)
         ]
 
     if entries or not isinstance(previous.entries, Rows):
@@ -170,7 +175,7 @@ def run_files(
             key=stage.key(SHARD, [job.key for job in jobs[own]]),
             count=len(jobs[own]),
             clips=partial(list, names[own]),
-            jobs=partial(list, jobs[own]),
+            jobs=partial(_all, jobs[own]),
         )
         for own in cut(names)
     ]
@@ -193,13 +198,14 @@ def _gather(
         None if any(clip in again for clip in part.clips()) else _recalled(part.key, stage, store) for part in parts
     ]
     todo: dict[int, set[str]] = {}
+    keys: dict[int, list[str]] = {}
     for place, part in enumerate(parts):
         if results[place] is None:
-            jobs = part.jobs()
+            jobs = part.jobs(())
             answers = {job.key: None if job.clip in again else store.recall(job.key, stage.asker) for job in jobs}
             unknown = {key for key, answer in answers.items() if answer is None}
             if unknown:
-                todo[place] = unknown
+                todo[place], keys[place] = unknown, [job.key for job in jobs]
             else:
                 results[place] = _result(stage, part.key, jobs, answers, 0, store)
     count, of = sum(part.count for part in parts), sum(map(len, todo.values()))
@@ -209,7 +215,7 @@ def _gather(
     done, last = 0, time.monotonic()
     started = last
     for places in _batches(todo):
-        jobs_of = {place: parts[place].jobs() for place in places}
+        jobs_of = {place: parts[place].jobs(keys[place]) for place in places}
         asked = [job for place in places for job in jobs_of[place] if job.key in todo[place]]
         worked: dict[str, dict[str, Any]] = {}
         for job, answer in _worked_on(asked, work, pool, store):
@@ -261,6 +267,10 @@ def _recalled(key: str, stage: Stage, store: Store) -> _Result | None:
         return None
     unsound = tuple((clip, fault) for clip, fault in answer["unsound"])
     return _Result(entries=entries, clips=tuple(clips), judged=judged, unsound=unsound)
+
+
+def _all(jobs: list[_Job], _: Sequence[str]) -> list[_Job]:
+    return jobs
 
 
 def _clips_of(shard: Shard[Entry]) -> list[str]:

@@ -55,7 +55,7 @@ def decode(data: bytes, name: str) -> HumanClip | RobotClip:
         table.validate()
         head = json.loads((table.schema.metadata or {})[b"booster_lab"])
     except (pa.ArrowException, OSError, StopIteration, KeyError, ValueError) as error:
-        raise CodecError(f"not a clip blob: {error}") from error
+        raise CodecError(f"not a clip blob, or one of an earlier version: materialize again ({error})") from error
     if head.get("format") != FORMAT:
         raise CodecError(f"clip blob has format {head.get('format')!r}, this version reads {FORMAT!r}")
     shape = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4), "foot_wrench_w": (-1, 2, 6)}

@@ -10,6 +10,7 @@ frame. So each velocity can be made again from the positions beside it.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -66,10 +67,24 @@ def expert_frames(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t c"]:
 
     Raises ClipError for another rate, for other joints than the robot's and for less than two frames.
     """
-    _check(clip, robot)
+    return next(frames_of_clips([clip], robot))
+
+
+def frames_of_clips(clips: Sequence[RobotClip], robot: Robot) -> Iterator[Float[np.ndarray, "t c"]]:
+    """`expert_frames` of each clip; the kinematics of all are computed together."""
+    for clip in clips:
+        _check(clip, robot)
+    if not clips:
+        return
+    ends = np.cumsum([clip.frame_count for clip in clips])[:-1]
+    ends_b = np.split(_end_effectors_b(np.concatenate([clip.joint_pos for clip in clips]), robot), ends)
+    for clip, own in zip(clips, ends_b, strict=True):
+        yield _frames(clip, own, robot)
+
+
+def _frames(clip: RobotClip, ends_b: Float[np.ndarray, "t 12"], robot: Robot) -> Float[np.ndarray, "t c"]:
     controlled = [robot.joint_names.index(name) for name in robot.controlled]
     joints = clip.joint_pos[:, controlled]
-    ends_b = _end_effectors_b(clip, robot)
     lin_vel_b = rotation.rotate_inverse(clip.root_quat_w, clip.root_lin_vel_w())
     ang_vel_b = rotation.rotate_inverse(clip.root_quat_w, clip.root_ang_vel_w())
     joint_vel = time_series.derivative(joints, clip.fps)
@@ -113,11 +128,11 @@ def _with_exponent(found: re.Match[bytes]) -> bytes:
     return digits[:1] + (b"." + digits[1:] if digits[1:] else b"") + b"e-5"
 
 
-def _end_effectors_b(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t 12"]:
+def _end_effectors_b(joint_pos: Float[np.ndarray, "t j"], robot: Robot) -> Float[np.ndarray, "t 12"]:
     """Left hand, right hand, left and right sole centre in the root link's frame [m]."""
-    count = clip.frame_count
+    count = len(joint_pos)
     kinematics = Kinematics(robot)
-    poses = kinematics.forward(np.zeros((count, 3)), np.tile(rotation.IDENTITY, (count, 1)), clip.joint_pos)
+    poses = kinematics.forward(np.zeros((count, 3)), np.tile(rotation.IDENTITY, (count, 1)), joint_pos)
     return kinematics.site_pos_w(poses, (*robot.hands, *robot.feet)).reshape(count, -1)
 
 

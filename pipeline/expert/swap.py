@@ -14,6 +14,7 @@ import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,7 @@ class DatabaseSettings:
     """Earlier versions that are kept."""
 
 
+SYNCED_AT_A_TIME = 16
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 _NOT_ABLE = (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP)
@@ -154,10 +156,15 @@ def _remove(folder: Path) -> None:
 
 
 def _sync(folder: Path) -> None:
-    for path in sorted(each for each in folder.rglob("*") if each.is_file()):
-        with path.open("rb") as stream:
-            os.fsync(stream.fileno())
+    """Bring a folder's files to the disk; many at a time, which the disk writes together."""
+    with ThreadPoolExecutor(SYNCED_AT_A_TIME) as pool:
+        list(pool.map(_sync_file, (each for each in folder.rglob("*") if each.is_file())))
     sync_folder(folder)
+
+
+def _sync_file(path: Path) -> None:
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
 
 
 def sync_folder(folder: Path) -> None:

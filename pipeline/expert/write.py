@@ -13,7 +13,7 @@ import dataclasses
 import itertools
 import json
 import re
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
-from pipeline.expert.frames import FPS, columns, expert_frames, numbers_text, rounded
+from pipeline.expert.frames import FPS, columns, frames_of_clips, numbers_text, rounded
 from pipeline.expert.read import DatabaseError, check_database, read_clip
 from pipeline.expert.swap import DatabaseSettings, current, replace_folder
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
@@ -202,7 +202,8 @@ class Known:
 def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     """The JSON of one clip: keys in a fixed order, a line a frame."""
     clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
-    return _head(entry, loop_mode(clip), robot, _columns_text(robot)) + _frames_text(clip, robot)
+    (text,) = _frames_texts([clip], robot)
+    return _head(entry, loop_mode(clip), robot, _columns_text(robot)) + text
 
 
 def _columns_text(robot: Robot) -> str:
@@ -225,9 +226,9 @@ def _head(entry: ExpertEntry, mode: str, robot: Robot, columns_text: str) -> byt
     return ("{\n" + ",\n".join(lines) + ",\n").encode()
 
 
-def _frames_text(clip: RobotClip, robot: Robot) -> bytes:
-    frames = rounded(expert_frames(clip, robot), len(robot.controlled))
-    return FRAMES + numbers_text(frames) + b"\n]}\n"
+def _frames_texts(clips: Sequence[RobotClip], robot: Robot) -> Iterator[bytes]:
+    for frames in frames_of_clips(clips, robot):
+        yield FRAMES + numbers_text(rounded(frames, len(robot.controlled))) + b"\n]}\n"
 
 
 def _write_clips(
@@ -291,32 +292,36 @@ def _write_files(
     part: Path, entries: list[tuple[ExpertEntry, WrittenFrames | None]], robot: Robot, in_place: Path
 ) -> list[Written]:
     """Entries written: those whose frames the database in place has are copied, others encoded and read back."""
-    columns_text = _columns_text(robot)
-    return [_write_file(part, entry, robot, columns_text, written, in_place) for entry, written in entries]
+    columns_text, head = _columns_text(robot), manifest.frame_facts(robot)
+    copied = [written.text(in_place) if written else None for _, written in entries]
+    new = _encoded([entry for (entry, _), text in zip(entries, copied, strict=True) if text is None], robot)
+    done: list[Written] = []
+    for (entry, written), text in zip(entries, copied, strict=True):
+        faults: list[str] = []
+        if written is not None and text is not None:
+            own = dataclasses.replace(written, file=file_name(entry.clip.name))
+            data = _head(entry, own.loop_mode, robot, columns_text) + text
+            (part / own.file).write_bytes(data)
+        else:
+            own, text = next(new)
+            data = _head(entry, own.loop_mode, robot, columns_text) + text
+            (part / own.file).write_bytes(data)
+            read_clip(part, own.file, entry.clip.name, head, faults)
+        done.append((own, digest.of_bytes(data), faults))
+    return done
 
 
-def _write_file(
-    part: Path, entry: ExpertEntry, robot: Robot, columns_text: str, written: WrittenFrames | None, in_place: Path
-) -> Written:
-    name, text = file_name(entry.clip.name), written.text(in_place) if written else None
-    faults: list[str] = []
-    if written and text:
-        data = _head(entry, written.loop_mode, robot, columns_text) + text
-        (part / name).write_bytes(data)
-        return dataclasses.replace(written, file=name), digest.of_bytes(data), faults
-    clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
-    mode, text = loop_mode(clip), _frames_text(clip, robot)
-    data = _head(entry, mode, robot, columns_text) + text
-    (part / name).write_bytes(data)
-    read_clip(part, name, clip.name, manifest.frame_facts(robot), faults)
-    own = WrittenFrames(
-        file=name,
-        text_sha256=digest.of_bytes(text),
-        frames=clip.frame_count,
-        seconds=clip.duration_s,
-        loop_mode=mode,
-    )
-    return own, digest.of_bytes(data), faults
+def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[WrittenFrames, bytes]]:
+    clips = [entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load() for entry in entries]
+    for clip, text in zip(clips, _frames_texts(clips, robot), strict=True):
+        written = WrittenFrames(
+            file=file_name(clip.name),
+            text_sha256=digest.of_bytes(text),
+            frames=clip.frame_count,
+            seconds=clip.duration_s,
+            loop_mode=loop_mode(clip),
+        )
+        yield written, text
 
 
 def _check(entry: ExpertEntry, names: Container[str]) -> None:

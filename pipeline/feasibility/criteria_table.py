@@ -7,6 +7,7 @@ further: clips that go on keep a number a criterion.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -157,31 +158,27 @@ def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """The rows, none of which is kept: a number a cell, of a text which one it is."""
-    cells: dict[str, list[Any]] = {name: [] for name in COLUMNS}
-    add = [(name, cells[name].append) for name in COLUMNS if COLUMNS[name] != pa.string()]
-    known: dict[str, dict[str, int]] = {name: {} for name in COLUMNS if COLUMNS[name] == pa.string()}
-    add_text = [(name, places, cells[name].append) for name, places in known.items()]
-    for row in rows:
-        for name, append in add:
-            append(row[name])
-        for name, places, append in add_text:
-            append(places.setdefault(row[name], len(places)))
-    return pd.DataFrame(
-        {name: _texts(known[name], cells.pop(name)) if name in known else _floats(cells.pop(name)) for name in COLUMNS}
-    )
+    """The rows, their cells in the order of `COLUMNS`; none is kept: a number a cell, of a text which one it is."""
+    places: dict[str, dict[str, int]] = {name: {} for name, kind in COLUMNS.items() if kind == pa.string()}
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in COLUMNS}
+    rest = iter(rows)
+    while few := [row.values() for row in itertools.islice(rest, ROWS_AT_A_TIME)]:
+        for name, values in zip(COLUMNS, zip(*few, strict=True), strict=True):
+            known = places.get(name)
+            if known is None:
+                parts[name].append(np.array(values, dtype=float))
+            else:
+                parts[name].append(np.array([known.setdefault(text, len(known)) for text in values], dtype=np.int32))
+    columns = {name: np.concatenate(parts.pop(name) or [np.zeros(0)]) for name in COLUMNS}
+    return pd.DataFrame({name: _texts(places[name], own) if name in places else own for name, own in columns.items()})
 
 
-def _floats(values: list[float | None]) -> np.ndarray:
-    return np.array(values, dtype=float)
-
-
-def _texts(places: Mapping[str, int], codes: list[int]) -> pd.Categorical:
+def _texts(places: Mapping[str, int], codes: np.ndarray) -> pd.Categorical:
     """A category for each text, in their order, from the place of each row's text in `places`."""
     texts = sorted(places)
-    order = np.empty(len(texts), dtype=int)
+    order = np.empty(len(texts), dtype=np.int32)
     order[[places[text] for text in texts]] = np.arange(len(texts))
-    return pd.Categorical.from_codes(order[np.array(codes, dtype=int)], categories=pd.Index(texts, dtype="str"))
+    return pd.Categorical.from_codes(order[codes.astype(np.int32)], categories=pd.Index(texts, dtype="str"))
 
 
 def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dict[str, Any]]:

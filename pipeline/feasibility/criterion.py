@@ -178,8 +178,10 @@ def results(evidence: Any, settings: Any, of: str, only: Collection[str] = ()) -
 
 def groups() -> dict[str, tuple[str, ...]]:
     """Group -> codes of its criteria, in the order of the tables."""
-    names = dict.fromkeys((*ORDER, *(each.group for each in REGISTERED.values())))
-    return {name: tuple(code for code, each in REGISTERED.items() if each.group == name) for name in names}
+    found: dict[str, list[str]] = {name: [] for name in ORDER}
+    for code, each in REGISTERED.items():
+        found.setdefault(each.group, []).append(code)
+    return {name: tuple(own) for name, own in found.items()}
 
 
 def codes() -> list[str]:

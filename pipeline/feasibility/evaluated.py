@@ -7,11 +7,15 @@ still are is what the asset's check `stored_as_evaluated` finds. So its results 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import functools
+from collections.abc import Iterator, Mapping
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from pipeline.batch import Entry, Judged, Manifest, Stage, changed
+from pipeline.batch import Entry, Judged, Manifest, Rows, Stage, changed
+from pipeline.batch.shard import Shard, cut, shard_of
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES
 from pipeline.feasibility.criteria_table import NOT_APPLICABLE
 from pipeline.feasibility.criterion import MOTION, REGISTERED
@@ -23,24 +27,49 @@ Results = Mapping[str, Mapping[str, Found]]
 
 READ = ("piece", "criterion", "number", "threshold", "sense", "verdict", "message")
 """Columns of the table of criteria that results are made of."""
+TEXTS = ("piece", "criterion", "sense", "verdict", "message")
+"""Those of them that are texts."""
 
 
-def results_of_pieces(criteria: pd.DataFrame) -> Results:
-    """Results on each piece that left KP5, from KP5's table of criteria."""
-    kept = criteria[criteria["piece"] != ""]
-    found: dict[str, dict[str, Found]] = {}
-    columns = [kept[name].tolist() for name in READ]
-    for piece, code, number, threshold, sense, verdict, message in zip(*columns, strict=True):
-        if verdict == NOT_APPLICABLE:
-            result = Found(not_applicable=message)
-        else:
-            value, limit = (None if each != each else each for each in (number, threshold))  # NaN where there is none
-            result = Found(value=value, limit=limit, lower=sense == "at least", unit=REGISTERED[code].unit)
-        found.setdefault(piece, {})[code] = result
-    return found
+class ResultsOfPieces(Results):
+    """Results on each piece that left KP5, from the columns `READ` of KP5's table of criteria; made when asked for."""
+
+    def __init__(self, criteria: pd.DataFrame):
+        kept = criteria.loc[criteria["piece"] != "", list(READ)]
+        kept = kept.astype(dict.fromkeys(TEXTS, "category"))
+        piece = kept.pop("piece").cat
+        starts = np.flatnonzero(np.diff(piece.codes, prepend=-1))
+        names = piece.categories[piece.codes.iloc[starts]]
+        self._place = dict(zip(names, zip(starts, [*starts[1:], len(kept)], strict=True), strict=True))
+        self._texts = {
+            name: (kept[name].cat.codes.to_numpy(), kept[name].cat.categories.tolist()) for name in TEXTS[1:]
+        }
+        self._numbers = kept[["number", "threshold"]].to_numpy()
+
+    def __getitem__(self, piece: str) -> dict[str, Found]:
+        rows = slice(*self._place[piece])
+        texts = [[known[code] for code in codes[rows].tolist()] for codes, known in self._texts.values()]
+        values = self._numbers[rows].tolist()
+        return {code: _found(code, *numbers, *others) for code, *others, numbers in zip(*texts, values, strict=True)}
+
+    def __contains__(self, piece: object) -> bool:
+        return piece in self._place
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._place)
+
+    def __len__(self) -> int:
+        return len(self._place)
 
 
-def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> tuple[Manifest, list[Entry]]:
+def _found(code: str, number: float, threshold: float, sense: str, verdict: str, message: str) -> Found:
+    if verdict == NOT_APPLICABLE:
+        return Found(not_applicable=message)
+    value, limit = (None if each != each else each for each in (number, threshold))  # NaN where there is none
+    return Found(value=value, limit=limit, lower=sense == "at least", unit=REGISTERED[code].unit)
+
+
+def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> tuple[Manifest, Rows[Entry]]:
     """The candidates that are still to be evaluated, and those that the code, settings and robot of `stage` evaluated.
 
     Args:
@@ -48,38 +77,60 @@ def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> t
         stage: KP5
         results: those that are at hand
     """
-    if not results:
-        return candidates, []
-    known = [
-        entry
-        for entry in candidates.entries
-        if entry.clip in results
-        and entry.record
-        and (entry.record[-1]["version"], entry.record[-1]["settings"]) == (stage.version, stage.settings_digest)
-    ]
-    names = {entry.clip for entry in known}
-    rest = changed(Entry, candidates.entries, lambda entry: None if entry.clip in names else entry)
+
+    asked = (stage.version, stage.settings_digest)
+
+    def is_known(entry: Entry) -> bool:
+        last = entry.record[-1] if entry.record and entry.clip in results else None
+        return last is not None and (last["version"], last["settings"]) == asked
+
+    rest = changed(Entry, candidates.entries, lambda entry: None if is_known(entry) else entry)
+    known = changed(Entry, candidates.entries, lambda entry: entry if is_known(entry) else None)
     return dataclasses.replace(candidates, entries=rest), known
 
 
-def with_evaluated(manifest: Manifest, stage: Stage, known: list[Entry], results: Results) -> Manifest:
-    """The manifest of a stage with the clips that needed no evaluation, as if they had been evaluated too."""
+def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry], results: Results) -> Manifest:
+    """The manifest of a stage with the clips that needed no evaluation, as if they had been evaluated too.
+
+    Of the clips some shards at a time are in memory.
+    """
     if not known:
         return manifest
-    rows = {row.clip: row for row in manifest.judged}
-    entries = {entry.clip: entry for entry in manifest.entries}
-    for entry in known:
-        passed = _passed(entry, stage)
-        entries[entry.clip] = passed
-        rows[entry.clip] = _judged(passed, results[entry.clip])
-    judged = tuple(rows[clip] for clip in sorted(rows))
-    kept = tuple(entries[piece] for row in judged for piece in row.pieces)
-    return dataclasses.replace(manifest, entries=kept, judged=judged)
-
-
-def _passed(entry: Entry, stage: Stage) -> Entry:
-    start_s, seconds = float(entry.numbers["stretch_start_s"]), float(entry.numbers["seconds"])
+    shards = (*manifest.judged_shards, *known.shards)
+    place = {clip: index for index, shard in enumerate(shards) for clip in shard.columns(["clip"])["clip"]}
+    pieces = {entry.clip: entry for entry in manifest.entries}
     done = {"stage": stage.name, "version": stage.version, "settings": stage.settings_digest, "reasons": []}
+
+    @functools.lru_cache(maxsize=SHARDS_AT_HAND)
+    def rows_of(index: int) -> dict[str, Judged | Entry]:
+        return {row.clip: row for row in shards[index].rows()}
+
+    entries: list[Shard[Entry]] = []
+    judged: list[Shard[Judged]] = []
+    names = sorted(place)
+    for part in cut(names):
+        rows: list[Judged] = []
+        kept: list[Entry] = []
+        for clip in names[part]:
+            row = rows_of(place[clip])[clip]
+            if isinstance(row, Entry):
+                passed = _passed(row, done)
+                rows.append(_judged(passed, results[clip]))
+                kept.append(passed)
+            else:
+                rows.append(row)
+                kept += [pieces[piece] for piece in row.pieces]
+        judged.append(shard_of(Judged, rows))
+        entries += [shard_of(Entry, kept)] if kept else []
+    return dataclasses.replace(manifest, entries=Rows(entries), judged=Rows(judged))
+
+
+SHARDS_AT_HAND = 4
+"""Names are nearly in the order of the shards that they are in: so many are decoded at a time."""
+
+
+def _passed(entry: Entry, done: dict[str, Any]) -> Entry:
+    start_s, seconds = float(entry.numbers["stretch_start_s"]), float(entry.numbers["seconds"])
     numbers = {**entry.numbers, "stretch_start_s": start_s, "stretch_stop_s": start_s + seconds}
     return dataclasses.replace(entry, numbers=numbers, record=(*entry.record, done))
 

@@ -111,7 +111,7 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
         value=value,
         limit=limit,
         text=f"feet in contact slide, at {speed:.2f} m/s over ground, at more than {value:.2f} m/s in 5 % of the time",
-        bad=_sliding_stances(slip, standing, limit),
+        bad=_sliding_stances(slip, standing, limit) if value > limit else None,
         not_applicable="" if standing.any() else NO_STANCE,
     )
     return labelled, of_soles, p95
@@ -302,7 +302,7 @@ def _mean_slip(
         value=value,
         limit=limit,
         text=f"{feet} slide, at {speed:.2f} m/s over ground, at {value:.2f} m/s on average",
-        bad=_sliding_stances(slip, standing, limit),
+        bad=_sliding_stances(slip, standing, limit) if value > limit else None,
         not_applicable="" if standing.any() else NO_STANCE,
     )
 

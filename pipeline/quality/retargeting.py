@@ -105,7 +105,16 @@ def percentile_of_least(values: Float[np.ndarray, " n"], percent: float, least: 
     motion may have as many bad frames as one of that length, not fewer.
     """
     missing = max(least - values.size, 0)
-    return float(np.percentile(np.concatenate([values.ravel(), np.zeros(missing)]), percent))
+    return percentile(np.concatenate([values.ravel(), np.zeros(missing)]), percent)
+
+
+def percentile(values: Float[np.ndarray, " n"], percent: float) -> float:
+    """The bits of `np.percentile` (between two values by a straight line), which takes ten times as long for 100."""
+    place = (values.size - 1) * (percent / 100)
+    low = int(place)
+    below, above = np.partition(values, [low, min(low + 1, values.size - 1)])[[low, min(low + 1, values.size - 1)]]
+    way, share = above - below, place - low
+    return float(below + way * share if share < 0.5 else above - way * (1 - share))
 
 
 def mean_jerk(smooth_pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:

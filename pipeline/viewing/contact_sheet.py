@@ -10,10 +10,11 @@ import dataclasses
 import io
 import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from pipeline.batch import Entry, Judged, Manifest, Store
+from pipeline.batch import Entry, Manifest, Store
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip
@@ -142,13 +143,18 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
 
     One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
     """
-    entries = {entry.clip: entry for entry in previous.entries}
-    families: dict[str, Judged] = {}
-    for row in sorted(stage.judged, key=lambda row: (-_lost_s(row), row.clip)):
-        if _lost_s(row) > LEAST_LOST_S and row.clip in entries:
-            families.setdefault(row.clip.split("~")[0], row)
+    there = {clip for shard in previous.entry_shards for clip in shard.columns(["clip"])["clip"]}
+    found = stage.findings("clip", "seconds_in", "seconds_out")
+    lost = [(_number(before) - _number(after), clip) for clip, before, after in found]
+    families: dict[str, str] = {}
+    for seconds, clip in sorted(lost, key=lambda each: (-each[0], each[1])):
+        if seconds > LEAST_LOST_S and clip in there:
+            families.setdefault(clip.split("~")[0], clip)
+    shown = list(families.values())[:most]
+    entries = {entry.clip: entry for entry in previous.entries if entry.clip in shown} if shown else {}
+    rows = {row.clip: row for row in stage.judged if row.clip in shown} if shown else {}
     strips = []
-    for row in list(families.values())[:most]:
+    for row in (rows[clip] for clip in shown):
         clip = entry_clip(store, entries[row.clip])
         why = next((reason["text"] for reason in row.reasons if reason["effect"] == "rejected"), "")
         strips.append(
@@ -162,8 +168,8 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
     return contact_sheet(strips, robot)
 
 
-def _lost_s(row: Judged) -> float:
-    return float(row.numbers.get("seconds_in") or 0.0) - float(row.numbers.get("seconds_out") or 0.0)
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, (int, float)) else 0.0
 
 
 GIF_COLOURS = 32

@@ -104,3 +104,12 @@ def test_a_time_scale_that_makes_no_variant_is_refused(root: Path, scale: float)
     values = {**settings.read_yaml(path), "time_scales": [scale]}
     with pytest.raises(SettingsError, match=r"'time_scales\[0\]' is .*(allowed is 0.5 to 2|the original)"):
         settings.parse(AugmentSettings, values, path)
+
+
+def test_a_mirror_image_at_another_speed_has_the_bits_of_its_own_spline(robot: Robot):
+    pieces = {piece.clip.name: piece.clip for piece in process(wandering(robot), {}, settings=BOTH, robot=robot).pieces}
+    image = next(clip for name, clip in pieces.items() if name.endswith("~mirror"))
+    for scale in BOTH.time_scales:
+        own = time_scale_clip(image, scale, f"{image.name}~x{scale:g}")
+        for field in ("root_pos_w", "root_quat_w", "joint_pos"):
+            assert getattr(pieces[own.name], field).tobytes() == getattr(own, field).tobytes()

@@ -100,14 +100,17 @@ def test_processes_that_write_are_to_see_the_store_and_the_database(robot: Robot
 def test_frames_that_did_not_change_are_copied_not_encoded(robot: Robot, tmp_path: Path, monkeypatch):
     store = Store(root=tmp_path / "store")
     clips = [StoredClip(name=e.clip.name, blob=store.put_clip(_motion(e)), store=store) for e in _entries(robot, 3)]
-    frames, names = write.expert_frames, [clip.name for clip in clips]
+    frames, names = write.frames_of_clips, [clip.name for clip in clips]
 
     def write_weighed(folder: Path, weight: float) -> list[str]:
         """Clips that were encoded when all had this weight."""
         encoded: list[str] = []
-        monkeypatch.setattr(
-            write, "expert_frames", lambda clip, robot: encoded.append(clip.name) or frames(clip, robot)
-        )
+
+        def watched(clips: list[RobotClip], robot: Robot):
+            encoded.extend(clip.name for clip in clips)
+            return frames(clips, robot)
+
+        monkeypatch.setattr(write, "frames_of_clips", watched)
         entries = [ExpertEntry(clip=clip, weight=weight, skill="walk", licence="CC0-1.0") for clip in clips]
         write_database(folder, entries, robot, stages={})
         return encoded

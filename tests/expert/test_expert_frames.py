@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pipeline import rotation
 from pipeline.errors import ClipError
 from pipeline.expert import columns, expert_frames
-from pipeline.expert.frames import numbers_text, rounded
+from pipeline.expert.frames import frames_of_clips, numbers_text, rounded
 from pipeline.expert.write import loop_mode
 from pipeline.robot import Robot, mujoco_model
 from tests.factories.robot_clips import standing, wandering
@@ -115,3 +115,9 @@ def test_all_small_numbers_are_written_as_python_writes_them():
 def test_a_number_that_is_not_finite_is_not_written():
     with pytest.raises(ValueError, match="not finite"):
         numbers_text(np.array([[0.0, np.nan]]))
+
+
+def test_frames_of_several_clips_have_the_bits_of_each_alone(robot: Robot):
+    clips = [wandering(robot), standing(robot, 0.5), wandering(robot, 1.3)]
+    for clip, frames in zip(clips, frames_of_clips(clips, robot), strict=True):
+        np.testing.assert_array_equal(frames, expert_frames(clip, robot))

@@ -15,7 +15,7 @@ from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
 from pipeline.feasibility import FeasibilitySettings, criteria_table, image, process
-from pipeline.feasibility.evaluated import results_of_pieces, with_evaluated, without_evaluated
+from pipeline.feasibility.evaluated import ResultsOfPieces, with_evaluated, without_evaluated
 from pipeline.feasibility.image import LastAssessed, is_image, nothing_assessed, pair
 from pipeline.feasibility.judgement import NUMBER, from_text
 from pipeline.files import settings
@@ -178,7 +178,7 @@ def test_what_left_kp5_has_the_same_results_without_a_second_evaluation(robot: R
     assert {entry.clip for entry in references.entries} >= {"walk", "walk~mirror", "bent+0", "bent~mirror+1"}
     stage = kp5("feasible_motions", robot)
     again = run_stage(stage, references, store, HERE, LOG)
-    results = results_of_pieces(criteria)
+    results = ResultsOfPieces(criteria)
     rest, known = without_evaluated(references, stage, results)
     assert not rest.entries and len(known) == len(references.entries)
     found = with_evaluated(run_stage(stage, rest, store, HERE, LOG), stage, known, results)
@@ -194,7 +194,7 @@ def test_other_thresholds_or_another_robot_evaluate_again(robot: Robot, tmp_path
     stage = kp5("reference_motions", robot)
     references = run_stage(stage, before, store, HERE, LOG)
     references, criteria = criteria_table.split(references, origins(settings.read_yaml(FILE)))
-    results = results_of_pieces(criteria)
+    results = ResultsOfPieces(criteria)
     assert len(without_evaluated(references, stage, results)[1]) == 1
     for other in ({"version": "2"}, {"settings": {}}, {"depends": {"robot_files": "other"}}):
         rest, known = without_evaluated(references, dataclasses.replace(stage, **other), results)

@@ -53,6 +53,13 @@ def test_the_new_name_and_the_folders_made_for_it_are_synced_after_the_rename(tm
     assert [inode for inode, _ in synced] == [path.stat().st_ino, path.parent.stat().st_ino]
 
 
+def test_what_can_be_made_again_is_whole_without_being_synced(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "fsync", None)
+    atomic.write_bytes(tmp_path / "a" / "file", b"new", synced=False)
+    assert (tmp_path / "a" / "file").read_bytes() == b"new"
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["file"]
+
+
 def test_a_file_system_that_syncs_no_folders_is_written_to_all_the_same(tmp_path, monkeypatch):
     def files_only(handle):
         if stat.S_ISDIR(os.fstat(handle).st_mode):

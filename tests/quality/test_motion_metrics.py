@@ -5,7 +5,7 @@ import pytest
 
 from pipeline import rotation, time_series
 from pipeline.quality.planar_motion import command_velocity
-from pipeline.quality.retargeting import acceleration_p99, mean_jerk
+from pipeline.quality.retargeting import acceleration_p99, mean_jerk, percentile
 
 
 @pytest.mark.parametrize("start", [0.0, 2.0, -3.0])
@@ -45,3 +45,10 @@ def test_what_is_too_short_is_smooth():
     assert mean_jerk(np.zeros((3, 3)), 50.0) == 0.0
     assert acceleration_p99(np.zeros((2, 4)), 50.0, 10.0) == 0.0
     assert command_velocity(np.zeros((1, 3)), rotation.about_z(np.zeros(1)), 50.0).forward_m_s == 0.0
+
+
+@pytest.mark.parametrize("count", [1, 2, 25, 100, 2_300])
+@pytest.mark.parametrize("percent", [0, 5, 50, 95, 99, 100])
+def test_a_percentile_has_the_bits_of_numpys(count: int, percent: float):
+    for values in np.random.default_rng(count).normal(size=(20, count)) * [[10.0**power] for power in range(-10, 10)]:
+        assert percentile(values, percent) == np.percentile(values, percent)
