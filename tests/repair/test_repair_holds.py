@@ -16,7 +16,7 @@ from pipeline.repair.detect import detect
 from pipeline.repair.frozen import Hold, Limits, aligned, find_holds
 from tests.factories.human_clips import walker
 
-LIMITS = Limits(step=1e-6, jump=0.003, short=0.05, entering=0.2, frames=3, longest=200.0, excursion=40.0)
+LIMITS = Limits(jump=0.003, short=0.05, entering=0.2, frames=3, longest=200.0, excursion=40.0)
 PERIOD, REST = 100, 30
 """Frames of a joint's bend, and of them those at rest."""
 
