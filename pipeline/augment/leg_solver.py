@@ -9,8 +9,6 @@ over the swings the offset has the least jerk, so that its position, speed and a
 is put down or lifted.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

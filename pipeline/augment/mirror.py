@@ -1,7 +1,5 @@
 """A robot motion at another speed, and numbers of earlier stages as they are then and in a mirror."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -6,8 +6,6 @@ A foot in stance keeps its pose at another place; a leg follows its foot from th
 arms, head, how the feet roll, when they are put down) is the original's.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """KP4 on one clip: the original and its variants, each with its name and numbers; and its settings."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, fields

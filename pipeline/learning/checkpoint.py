@@ -1,7 +1,5 @@
 """Checkpoints: written whole, read with `weights_only=True`, so that none can run code."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`curves.csv`: one row an iteration of a training run."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping

@@ -8,8 +8,6 @@ WRITTEN keep what they were made with.
 On a plane both engines step alike; on a heightfield they find other contacts.
 """
 
-from __future__ import annotations
-
 import copy
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The trained network as numbers, in the form that `pipeline.deployment.load_policy` reads."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """rsl_rl's PPO for a run that calls the runner's `learn` once an iteration, also in several processes."""
 
-from __future__ import annotations
-
 from rsl_rl.algorithms import PPO
 
 

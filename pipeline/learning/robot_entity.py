@@ -1,7 +1,5 @@
 """The robot in mjlab: its model, motors, collision shapes and default pose."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Read from `robot.json` and `robot.xml` of a training bundle, so that a GPU host needs nothing else of the project.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the commands that train share: arguments, start, exit status, commit, device, and the JSON files of a run."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """What the first pass got wrong is put into the targets of the second: soles under ground, arms in the body."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -6,8 +6,6 @@ scaled, plus a correction that leads from the end of one stance to the start of 
 in position or speed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ sideways bring their feet further inward, and cross them. What `narrowing` leave
 moved outward, as a whole, by what it lacks in the worst frame of its stance; a swinging foot passes further outward.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +25,7 @@ class Hips:
     """Hip joints (left, right) [m]."""
     left_w: Float[np.ndarray, "t 3"]
     """The pelvis link's axis to the left, unit."""
-    sin_adduction: Float[np.ndarray, 2]
+    sin_adduction: Float[np.ndarray, " 2"]
     """Sine of the largest adduction, (left, right)."""
 
 

@@ -5,8 +5,6 @@ radii (and the gap asked for) need a lateral distance of sqrt(R^2 - along^2), le
 discs miss, are measured on the rectangles.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d

@@ -4,8 +4,6 @@ Around such moments everything lateral is scaled down: the way of the pelvis, an
 Feet that stand keep standing, since pelvis and feet are scaled alike. Motion forward and up stays as it is.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

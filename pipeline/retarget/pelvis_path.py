@@ -9,8 +9,6 @@ limits, frame-wise IK lets it drift away slowly and come back with a jerk. Two r
   reach), its way off the human's path is smoothed over the whole clip, and the pelvis is held to the smoothed path.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_filter1d

@@ -1,7 +1,5 @@
 """The stage: a human clip in, the robot's clip and its numbers out."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The robot as the planner and the solver see it: lengths, sole and limb axes, from its model alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,9 +21,9 @@ class RobotBody:
     """Hip to knee plus knee to ankle, mean of both sides [m]."""
     hip_half_width: float
     """Half the distance of the hips [m]."""
-    hip_adduction: Float[np.ndarray, 2]
+    hip_adduction: Float[np.ndarray, " 2"]
     """Largest angle by which a hip brings the leg inward, (left, right) [rad]."""
-    hip_centre_b: Float[np.ndarray, 3]
+    hip_centre_b: Float[np.ndarray, " 3"]
     """Midpoint of the hips in the pelvis link's frame [m]."""
     sole: Sole
     limb_axes_b: Float[np.ndarray, "8 3"]

@@ -1,7 +1,5 @@
 """Settings of KP3, read from `data/retarget.yaml`. One set for every skeleton."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

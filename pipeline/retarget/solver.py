@@ -4,8 +4,6 @@ One solver a process and robot: a placo wrapper that is dropped leaks, and build
 a short clip. A solver keeps nothing of a clip: every clip starts from the same state.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
@@ -169,8 +167,8 @@ class Solver:
 
     def _start(
         self,
-        root_pos_w: Float[np.ndarray, 3],
-        root_quat_w: Float[np.ndarray, 4],
+        root_pos_w: Float[np.ndarray, " 3"],
+        root_quat_w: Float[np.ndarray, " 4"],
         joint_pos: Float[np.ndarray, " j"],
     ) -> None:
         self._solver.enable_velocity_limits(False)

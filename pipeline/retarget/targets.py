@@ -1,7 +1,5 @@
 """What the robot should do in each frame, from the human's motion and the robot's proportions alone."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,11 +38,11 @@ class Proportions:
     """Hip to knee plus knee to ankle, median, mean of both sides [m]."""
     hip_half_width: float
     """Half the distance of the hip joints [m]."""
-    ankle_height: Float[np.ndarray, 2]
+    ankle_height: Float[np.ndarray, " 2"]
     """Height of each ankle while the foot is flat on the ground, (left, right) [m]."""
-    flat_pitch: Float[np.ndarray, 2]
+    flat_pitch: Float[np.ndarray, " 2"]
     """Angle of the line from toe to ankle over the ground while the foot is flat, (left, right) [rad]."""
-    ankle_to_toe: Float[np.ndarray, 2]
+    ankle_to_toe: Float[np.ndarray, " 2"]
     """Horizontal way from ankle to toe while the foot is flat, (left, right) [m]."""
 
 

@@ -5,8 +5,6 @@ leaning as far as the chest it would be falling. Up to `free_lean` the trunk lea
 less, never more than `highest_lean` unless the person's pelvis does (lying, falling).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 

@@ -3,8 +3,6 @@
 The thresholds are those of the published comparison of retargeting onto T1, so that figures are comparable.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The figures of a score, each with its definition, and their pooling over clips."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum

@@ -1,7 +1,5 @@
 """How closely the robot's pelvis follows the path of the human's, scaled to the robot."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 

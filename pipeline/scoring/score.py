@@ -1,7 +1,5 @@
 """Score of one robot motion against the human motion that it reproduces."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool, Float
 

@@ -18,8 +18,6 @@ each. Another checkpoint than the chosen one becomes a policy by
 `python -m pipeline.training.export_policy --checkpoint FILE --bundle DIR --out FILE`.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -7,8 +7,6 @@ reads of an earlier one in the same step may be a new tensor, since the earlier 
 `tests/training/test_captured_steps.py` checks every part on a CPU.
 """
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Callable
 

@@ -10,8 +10,6 @@ update_s; explained (variance of the returns that the critic predicted); action_
 squared error of the action at the visited and at the learned states), teacher_share.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import torch

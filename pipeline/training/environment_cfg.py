@@ -1,7 +1,5 @@
 """The environment in mjlab's terms: scene, sensors, managers."""
 
-from __future__ import annotations
-
 import dataclasses
 
 from mjlab.entity import EntityCfg

@@ -1,7 +1,5 @@
 """A checkpoint as a policy: `python -m pipeline.training.export_policy --checkpoint FILE --bundle DIR --out FILE`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ A GPU reads a mask itself; for indices the processor would wait for their number
 as `captured.py` requires.
 """
 
-from __future__ import annotations
-
 import torch
 
 

@@ -4,8 +4,6 @@ A 2 ms step, explicit position control behind the torque-speed lines, no noise, 
 A test compares it with the walk of `pipeline/validation`, which has more conditions.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ half of the run, the largest accuracy and the largest difference of D. A fall co
 not followed; style, touchdowns and power have no figure (NaN) where the policy falls.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import math

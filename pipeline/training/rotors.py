@@ -4,8 +4,6 @@ An armature acts on a joint's speed alone. On the link the same inertia also res
 trunk has to hold the swing of a leg. Robots lie between the two; a walk should work with both.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

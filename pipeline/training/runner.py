@@ -1,7 +1,5 @@
 """The stage `amp`: AMP + PPO on the environment, from a distilled start or from scratch."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -6,8 +6,6 @@
 <folder>/done.json                     written last, when the stage ended by itself
 """
 
-from __future__ import annotations
-
 import os
 import time
 from abc import ABC, abstractmethod

@@ -9,8 +9,6 @@ distributions, sqrt(2 d) for two points d standard deviations apart in every fea
 two halves of its clips.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import sys

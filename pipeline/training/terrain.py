@@ -1,7 +1,5 @@
 """The ground: a plane, or a heightfield of random roughness with a flat border (paper)."""
 
-from __future__ import annotations
-
 from mjlab.terrains import HfRandomUniformTerrainCfg, TerrainEntityCfg, TerrainGeneratorCfg
 
 ROUGHNESS_M = 0.03

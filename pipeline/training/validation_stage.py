@@ -12,8 +12,6 @@ Repeating the command continues with the first file that is missing. The sweep s
 others (seeds 1 to 5).
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import time

@@ -1,7 +1,5 @@
 """PPO of rsl_rl with the adversarial motion prior: the style reward in the blend, the discriminator's updates."""
 
-from __future__ import annotations
-
 import functools
 import time
 from collections.abc import Iterable, Iterator

@@ -6,8 +6,6 @@ Above a target accuracy the discriminator takes one gradient step an iteration i
 ahead of the policy (as StyleGAN2-ADA's target for the discriminator's overfitting; Karras et al. 2020).
 """
 
-from __future__ import annotations
-
 import torch
 from torch import nn
 from torch.nn import functional

@@ -1,7 +1,5 @@
 """Expert frames as they are drawn: windows for the discriminator, and start states of episodes."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

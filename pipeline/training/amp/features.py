@@ -4,8 +4,6 @@
 discriminator reads all of them or those of the legs and the trunk.
 """
 
-from __future__ import annotations
-
 import torch
 
 from pipeline.learning.robot_facts import RobotFacts

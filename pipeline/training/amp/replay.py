@@ -1,7 +1,5 @@
 """A ring of policy windows."""
 
-from __future__ import annotations
-
 import torch
 
 SIZE = 500_000

@@ -1,7 +1,5 @@
 """Mirror images of observations and actions, for rsl_rl's symmetry augmentation and for distillation."""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 import torch

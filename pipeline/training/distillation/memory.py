@@ -1,7 +1,5 @@
 """The newest states that the teacher has labelled, in a ring."""
 
-from __future__ import annotations
-
 import torch
 
 

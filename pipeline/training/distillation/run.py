@@ -6,8 +6,6 @@ that by least squares. Rewards do not count. Every second sample is mirrored, so
 labelled states are not in a checkpoint; a run that continues fills them again.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any, cast

@@ -5,8 +5,6 @@ The command that the student observes is the velocity that the tracker's own rol
 robot is off the clip's path by more than a bound is forgotten, so that the tracker neither chases nor waits.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import mujoco

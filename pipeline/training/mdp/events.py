@@ -4,8 +4,6 @@ mjlab's own pushes sample by indices and can not grow over a run; ours work by m
 ramp of the disturbances, 0 to 1.
 """
 
-from __future__ import annotations
-
 import math
 
 import mujoco

@@ -5,8 +5,6 @@ before the episode; joints in the network's order. The critic observes the newes
 velocity and the feet's contacts.
 """
 
-from __future__ import annotations
-
 import torch
 from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationTermCfg
 

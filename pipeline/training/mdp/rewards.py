@@ -6,8 +6,6 @@ the control step. The paper's numbers are those of its reward table; what the re
 (`config.RewardsConfig`).
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

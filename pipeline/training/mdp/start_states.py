@@ -1,7 +1,5 @@
 """States that episodes begin at: mostly frames of the expert or of reference clips, else near the default pose."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

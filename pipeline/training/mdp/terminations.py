@@ -1,7 +1,5 @@
 """When an episode ends before its time. Falls are mjlab's terms; only ignoring the command is ours."""
 
-from __future__ import annotations
-
 import math
 
 import torch
