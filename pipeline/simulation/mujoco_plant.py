@@ -202,7 +202,7 @@ def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
 
 
 class _CollisionModels(threading.local):
-    """Each thread's latest compiled models, not to be changed, and data: making either takes longer than a short clip."""
+    """Each thread's latest models, not to be changed, and data: making either takes longer than a short clip."""
 
     def __init__(self) -> None:
         self.model = functools.lru_cache(maxsize=4)(_with_data)
