@@ -96,11 +96,6 @@ def _low_pass(cutoff_hz: float, fps: float) -> tuple[np.ndarray, np.ndarray]:
     return sections, np.asarray(sosfilt_zi(sections))
 
 
-def smooth_quat(quat: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
-    """Zero-phase low pass of quaternions (t, ..., 4): signs unified, filtered, renormalised."""
-    return rotation.normalize(smooth(rotation.make_continuous(quat), fps, cutoff_hz))
-
-
 def moving_mean(values: np.ndarray, width: int) -> np.ndarray:
     """Centred mean over `width` frames (odd), shrinking at the ends, of `values` (t, ...)."""
     half = width // 2

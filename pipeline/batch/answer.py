@@ -17,6 +17,7 @@ from pipeline.batch.store import Store
 from pipeline.clips.codec import faults_of
 from pipeline.clips.outcome import Clip, Outcome, Piece
 from pipeline.errors import ClipError, FileError
+from pipeline.files.blob_store import StoreError
 
 
 def work_on_clips(
@@ -59,6 +60,8 @@ def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: fl
     failed = False
     try:
         outcome = work()
+    except StoreError as error:  # another blob that the work reads, such as a reference
+        return rejection("failed", f"clip '{name}': {error}", seconds_in, failed=True)
     except (ClipError, FileError) as error:
         code = error.code if isinstance(error, ClipError) else "unreadable"
         return rejection(code, str(error), seconds_in, failed)

@@ -1,4 +1,8 @@
-"""The project's store on disk: blobs, memo, manifests. Every write is whole or not there."""
+"""The project's store on disk: blobs, memo, manifests and their shards.
+
+A killed run leaves each file whole or not there. Manifests and shards withstand a power cut, too; blobs and memo are
+not forced to the disk, and what a power cut takes of them is made again.
+"""
 
 from __future__ import annotations
 
@@ -107,9 +111,9 @@ class Store:
         return columns["clip"] if all(map(self.holds, columns["blob"])) else None
 
     def put_shard(self, shard: Shard[Row]) -> Shard[Row]:
-        """Store the rows of a shard; the shard without its bytes."""
+        """Store the rows of a shard on the disk, before a manifest names it; the shard without its bytes."""
         if isinstance(shard.place, bytes):
-            self.shards.put(shard.place)
+            self.shards.put(shard.place, synced=True)
         return dataclasses.replace(shard, place=self.shards)
 
     def holds_blobs_of(self, asset: str) -> bool:
@@ -234,7 +238,10 @@ class Store:
         return self.root / "manifests" / f"{asset}.json"
 
     def save(self, asset: str, manifest: Manifest) -> None:
-        """Make `manifest` the asset's current one, its shards stored first. The blobs it names are there already."""
+        """Make `manifest` the asset's current one, its shards on the disk first.
+
+        The blobs it names are stored already, but not forced to the disk: `holds_blobs_of` finds what is lost.
+        """
         shards: tuple[Shard[Any], ...] = (*manifest.entry_shards, *manifest.judged_shards)
         for shard in shards:
             self.put_shard(shard)

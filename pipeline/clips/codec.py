@@ -20,6 +20,9 @@ from pipeline.errors import PipelineError
 
 FORMAT = "booster-lab clip 3"
 
+SHAPES = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4), "foot_wrench_w": (-1, 2, 6)}
+"""Shape of an array; where none is given it is (t, n)."""
+
 FORCES = tuple(field.name for field in dataclasses.fields(SimulatedForces))
 
 
@@ -51,16 +54,23 @@ def encode(clip: HumanClip | RobotClip) -> bytes:
 def decode(data: bytes, name: str) -> HumanClip | RobotClip:
     """The clip that `encode` was given, under a name. Raises CodecError for bytes that are no clip."""
     try:
-        table = pa.ipc.open_stream(data).read_next_batch()
-        table.validate()
-        head = json.loads((table.schema.metadata or {})[b"booster_lab"])
-    except (pa.ArrowException, OSError, StopIteration, KeyError, ValueError) as error:
+        return _decoded(data, name)
+    except MemoryError:
+        raise
+    except (pa.ArrowException, OSError, StopIteration, KeyError, ValueError, TypeError, AttributeError) as error:
         raise CodecError(f"not a clip blob, or one of an earlier version: materialize again ({error})") from error
+
+
+def _decoded(data: bytes, name: str) -> HumanClip | RobotClip:
+    table = pa.ipc.open_stream(data).read_next_batch()
+    table.validate()
+    head = json.loads((table.schema.metadata or {})[b"booster_lab"])
     if head.get("format") != FORMAT:
-        raise CodecError(f"clip blob has format {head.get('format')!r}, this version reads {FORMAT!r}")
-    shape = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4), "foot_wrench_w": (-1, 2, 6)}
+        raise CodecError(
+            f"clip blob has format {head.get('format')!r}, this version reads {FORMAT!r}: materialize again"
+        )
     arrays = {
-        name: _from_column(table.column(name)).reshape(shape.get(name, (table.num_rows, -1)))
+        name: _from_column(table.column(name)).reshape(SHAPES.get(name, (table.num_rows, -1)))
         for name in table.schema.names
     }
     contacts = arrays.pop("contacts", None)
@@ -68,9 +78,13 @@ def decode(data: bytes, name: str) -> HumanClip | RobotClip:
     common["contacts"] = None if contacts is None else contacts > 0.5
     if head["kind"] == "human":
         return HumanClip(**common)
-    found = {name: common.pop(name) for name in FORCES if name in common}
-    forces = SimulatedForces(**found) if found else None
-    return RobotClip(robot=head["robot"], joint_names=tuple(head["joint_names"]), forces=forces, **common)
+    forces = {name: common.pop(name) for name in FORCES if name in common}
+    return RobotClip(
+        robot=head["robot"],
+        joint_names=tuple(head["joint_names"]),
+        forces=SimulatedForces(**forces) if forces else None,
+        **common,
+    )
 
 
 def _motion(clip: Clip) -> dict[str, np.ndarray]:

@@ -108,6 +108,8 @@ def rounded(frames: Float[np.ndarray, "t c"], controlled: int) -> Float[np.ndarr
 def numbers_text(frames: Float[np.ndarray, "t c"]) -> bytes:
     """The JSON array of each frame, a line a frame: the bytes of Python's `json`, in a fifth of its time.
 
+    They are the same for 0 and for sizes from 1e-9 to below 1e16, which `rounded` frames have: of at most 8 decimals.
+
     Raises ValueError for a number that is not finite.
     """
     if not np.isfinite(frames).all():

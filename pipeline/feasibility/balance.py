@@ -115,17 +115,6 @@ def parents(rows: pd.DataFrame) -> pd.Series:
     return pd.Series(names, index=rows.index)
 
 
-def effective_seconds(rows: pd.DataFrame, weight: np.ndarray) -> float:
-    """Seconds of different motion that weights (n,) make of rows with `clip`, `family` and `seconds`.
-
-    (sum W)^2 / sum(W^2 / S) (Kish 1965) over families of weight W and S seconds of their own: those of the one take
-    that has most. A take is a recording or one variant of it. Equal to the sum of the S where every second of own
-    motion weighs the same: copies add nothing, and a family that weighs too much for its seconds takes from the others.
-    """
-    seconds = rows["seconds"].to_numpy(dtype=float)
-    return effective_seconds_of(pd.factorize(rows["family"])[0], takes(rows), seconds, weight)
-
-
 def takes(rows: pd.DataFrame) -> Int[np.ndarray, " n"]:
     """A number for the clip of each row, the same for windows and pieces of one take."""
     return pd.factorize(rows["clip"].astype(object).str.replace(WITHIN_A_TAKE, "", regex=True))[0]
@@ -137,7 +126,18 @@ def effective_seconds_of(
     seconds: Float[np.ndarray, " n"],
     weight: Float[np.ndarray, " n"],
 ) -> float:
-    """`effective_seconds` of rows with numbers for their family and take."""
+    """Seconds of different motion that weights make of the seconds of clips.
+
+    (sum W)^2 / sum(W^2 / S) (Kish 1965) over families of weight W and S seconds of their own: those of the one take
+    that has most. Equal to the sum of the S where every second of own motion weighs the same: copies add nothing, and
+    a family that weighs too much for its seconds takes from the others.
+
+    Args:
+        family: a number for the family of each clip
+        take: a number for the take of each clip: a recording or one variant of it (`takes`)
+        seconds: of each clip
+        weight: of each clip
+    """
     order = np.lexsort((take, family))
     family, take, seconds, weight = family[order], take[order], seconds[order], weight[order]
     new_family = np.diff(family, prepend=-1) != 0

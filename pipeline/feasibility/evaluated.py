@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,8 @@ from pipeline.feasibility.criteria_table import NOT_APPLICABLE
 from pipeline.feasibility.criterion import MOTION, REGISTERED
 from pipeline.feasibility.gait_signature import COLUMN as SIGNATURE
 from pipeline.feasibility.judgement import NUMBER, Found, Judgement, to_text
+
+T = TypeVar("T")
 
 Results = Mapping[str, Mapping[str, Found]]
 """Name of a clip -> code of each criterion -> its result."""
@@ -92,27 +94,22 @@ def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> t
 def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry], results: Results) -> Manifest:
     """The manifest of a stage with the clips that needed no evaluation, as if they had been evaluated too.
 
-    Of the clips some shards at a time are in memory.
+    Rows of `SHARDS_AT_HAND` shards of each kind at a time are in memory; of all clips, only the names.
     """
     if not known:
         return manifest
-    shards = (*manifest.judged_shards, *known.shards)
-    place = {clip: index for index, shard in enumerate(shards) for clip in shard.columns(["clip"])["clip"]}
-    pieces = {entry.clip: entry for entry in manifest.entries}
+    findings = _RowsByClip[Judged | Entry]((*manifest.judged_shards, *known.shards))
+    pieces = _RowsByClip[Entry](manifest.entry_shards)
     done = {"stage": stage.name, "version": stage.version, "settings": stage.settings_digest, "reasons": []}
-
-    @functools.lru_cache(maxsize=SHARDS_AT_HAND)
-    def rows_of(index: int) -> dict[str, Judged | Entry]:
-        return {row.clip: row for row in shards[index].rows()}
 
     entries: list[Shard[Entry]] = []
     judged: list[Shard[Judged]] = []
-    names = sorted(place)
+    names = sorted(findings.clips)
     for part in cut(names):
         rows: list[Judged] = []
         kept: list[Entry] = []
         for clip in names[part]:
-            row = rows_of(place[clip])[clip]
+            row = findings[clip]
             if isinstance(row, Entry):
                 passed = _passed(row, done)
                 rows.append(_judged(passed, results[clip]))
@@ -127,6 +124,25 @@ def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry], results
 
 SHARDS_AT_HAND = 4
 """Names are nearly in the order of the shards that they are in: so many are decoded at a time."""
+
+
+class _RowsByClip(Generic[T]):
+    """The rows of shards by the names of their clips, those of `SHARDS_AT_HAND` shards at a time in memory."""
+
+    def __init__(self, shards: Sequence[Shard[Any]]):
+        self._shard = {clip: shard for shard in shards for clip in shard.columns(["clip"])["clip"]}
+        self._rows_of = functools.lru_cache(maxsize=SHARDS_AT_HAND)(_by_clip)
+
+    @property
+    def clips(self) -> Iterable[str]:
+        return self._shard
+
+    def __getitem__(self, clip: str) -> T:
+        return self._rows_of(self._shard[clip])[clip]
+
+
+def _by_clip(shard: Shard[Any]) -> dict[str, Any]:
+    return {row.clip: row for row in shard.rows()}
 
 
 def _passed(entry: Entry, done: dict[str, Any]) -> Entry:

@@ -53,7 +53,7 @@ class ReferenceGoneError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredReferences:
-    """References in the store, for any process."""
+    """References in the store, for any process. A blob that is missing or damaged there raises StoreError."""
 
     store: Store
     blobs: Mapping[str, str]

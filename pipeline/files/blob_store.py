@@ -4,6 +4,7 @@ A file is known by size, times of change and inode. The time of its inode's chan
 it, so that a file changed in place and given its old time back is read again.
 """
 
+import contextlib
 import json
 import os
 import time
@@ -57,6 +58,10 @@ def _state(stat: os.stat_result) -> list[int]:
     return [stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino]
 
 
+class StoreError(FileError):
+    """A blob that is missing, damaged or not copied: a fault of the store, none of the clip that needs the blob."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class BlobStore:
     """Blobs below `root`, as `<first two hex digits>/<digest>`; of those at a URL, copies."""
@@ -78,14 +83,15 @@ class BlobStore:
         except OSError:
             return False
 
-    def put(self, data: bytes) -> str:
+    def put(self, data: bytes, *, synced: bool = False) -> str:
         """Store `data`, also over a blob of that name that was damaged; its digest.
 
-        It is not forced to the disk: one that a power cut tears does not have its name's digest, and is made again.
+        Without `synced` it is not forced to the disk: one that a power cut tears does not have its name's digest, and
+        is made again.
         """
         blob = digest.of_bytes(data)
         if not self.is_whole(blob):
-            atomic.write_bytes(self.path(blob), data, synced=False)
+            atomic.write_bytes(self.path(blob), data, synced=synced)
         if self.remote is not None:
             self.remote.put(data)
         return blob
@@ -103,24 +109,36 @@ class BlobStore:
         return blob
 
     def get(self, blob: str) -> bytes:
-        """Bytes of a blob. Raises FileError when it is missing or its content is not its name."""
+        """Bytes of a blob. Raises StoreError when it is missing or its content is not its name.
+
+        A blob of other content is removed, so that no remembered digest counts it as whole: a power cut may leave a
+        file its size and times without its content.
+        """
         path = self.path(blob)
         do = "Materialize again: what is damaged or gone is made again."
         if not path.is_file() and not self.copied(blob):
             where = f" here and at {self.remote.url}" if self.remote else ""
-            raise FileError(path, f"the blob is missing{where}.", do)
+            raise StoreError(path, f"the blob is missing{where}.", do)
         data = path.read_bytes()
         if digest.of_bytes(data) != blob:
-            raise FileError(path, "the blob's content does not match its name.", do)
+            with contextlib.suppress(OSError):  # a store that is only read
+                path.unlink()
+            raise StoreError(path, "the blob's content does not match its name.", do)
         return data
 
     def copied(self, blob: str) -> bool:
-        """Copy a blob from the URL; False where it is not there, or there is none."""
+        """Copy a blob from the URL; False where it is not there, or there is none.
+
+        Raises StoreError when the disk refuses the copy.
+        """
         if self.remote is None:
             return False
         try:
             data = self.remote.get(blob)
         except BlobGoneError:
             return False
-        atomic.write_bytes(self.path(blob), data)
+        try:
+            atomic.write_bytes(self.path(blob), data)
+        except FileError as error:
+            raise StoreError(error.path, error.problem, error.do) from error
         return True

@@ -10,6 +10,7 @@ contact and solver.
 from __future__ import annotations
 
 import copy
+import functools
 import threading
 from dataclasses import dataclass
 
@@ -184,7 +185,7 @@ class SelfCollision:
 
 def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
     """Overlap of shapes of links that are not parent and child; without the ground."""
-    model, data = _collision_model(robot.mjcf)
+    model, data = _COLLISION.model(robot.mjcf)
     qpos = np.concatenate([clip.root_pos_w, clip.root_quat_w, clip.joint_pos], axis=1)
     depth = np.zeros(clip.frame_count)
     pairs: list[tuple[str, str] | None] = [None] * clip.frame_count
@@ -200,17 +201,19 @@ def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
     return SelfCollision(depth=depth, pairs=tuple(pairs))
 
 
-def _collision_model(mjcf: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """The compiled model of a robot, not to be changed, and data of this thread's own: making either takes longer than
-    a short clip."""
-    known = _COLLISION.__dict__.setdefault("models", {})
-    if mjcf not in known:
-        model = compiled(mjcf)
-        known[mjcf] = (model, mujoco.MjData(model))
-    return known[mjcf]
+class _CollisionModels(threading.local):
+    """Each thread's latest models, not to be changed, and data: making either takes longer than a short clip."""
+
+    def __init__(self) -> None:
+        self.model = functools.lru_cache(maxsize=4)(_with_data)
 
 
-_COLLISION = threading.local()
+def _with_data(mjcf: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = compiled(mjcf)
+    return model, mujoco.MjData(model)
+
+
+_COLLISION = _CollisionModels()
 
 
 def added_moments(robot: Robot) -> dict[str, Float[np.ndarray, "3 3"]]:

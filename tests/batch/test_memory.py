@@ -3,13 +3,16 @@
 import dataclasses
 import json
 import logging
+import os
 import tracemalloc
+from pathlib import Path
 
 import pytest
 
-from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_files, run_stage
+from pipeline.batch import ClipPool, Entry, Judged, Manifest, Stage, Store, run_files, run_stage
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.files import digest
+from pipeline.files.blob_store import StoreError
 from tests.factories.clips import robot_clip
 
 LOG = logging.getLogger("test")
@@ -123,6 +126,43 @@ def test_a_manifest_of_many_clips_is_written_a_shard_at_a_time(tmp_path):
     assert store.manifest_path("made").read_text() == manifest.to_text()
     assert digest.of_file(store.manifest_path("made")) == made
     assert peak < sum(len(json.dumps(vars(entry))) for entry in entries) / 5
+
+
+def test_the_shards_of_a_manifest_are_on_the_disk_before_it_names_them(tmp_path, monkeypatch):
+    store, synced, fsync = Store(root=tmp_path), [], os.fsync
+    before = dataclasses.replace(stored(store, 2), judged=(Judged(clip="clip000", pieces=(), reasons=(), numbers={}),))
+
+    def note(handle: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{handle}").resolve().name)
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", note)
+    store.save("made", before)
+    files = [name.removeprefix(".").partition(".")[0] for name in synced if name.endswith(".part")]
+    shards = (*before.entry_shards, *before.judged_shards)
+    assert files == [*(shard.digest for shard in shards), "made"]
+
+
+def test_a_torn_blob_that_is_remembered_as_whole_is_made_again(tmp_path):
+    """After a power cut some file systems have a file's size and times without its content."""
+    store, pool = Store(root=tmp_path), ClipPool(backend="sequential")
+    before = stored(store, 1)
+    first = run_stage(stage(raise_a_little), before, store, pool, LOG)
+    entry = first.entries[0]
+    path = store.own_blobs.path(entry.blob)
+    data = path.read_bytes()
+    path.write_bytes(bytes(len(data)))
+    stat = path.stat()
+    state = [stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino]
+    (tmp_path / "blob_digests.json").write_text(json.dumps({str(path): [*state, entry.blob]}))
+    store = Store(root=tmp_path)
+    assert store.holds(entry.blob)
+    with pytest.raises(StoreError, match="Materialize again"):
+        store.get_clip(entry.blob, entry.clip)
+    assert not store.holds(entry.blob)
+    again = run_stage(stage(raise_a_little), before, store, pool, LOG)
+    assert (again.recomputed, again.digest) == (1, first.digest)
+    assert path.read_bytes() == data
 
 
 @pytest.mark.parametrize("damage", ["gone", "a bit turned", "emptied"])

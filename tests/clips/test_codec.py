@@ -1,8 +1,10 @@
 """Clips as Parquet: back as they were, equal clips equal bytes, anything else refused."""
 
 import dataclasses
+import json
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from pipeline.clips import codec
@@ -37,6 +39,38 @@ def test_equal_motions_give_equal_bytes_and_a_changed_number_other_ones():
 @pytest.mark.parametrize("data", [b"", b"PAR1 nonsense", codec.encode(robot_clip())[:-20]])
 def test_bytes_that_are_no_clip_are_refused(data):
     with pytest.raises(codec.CodecError, match="not a clip blob"):
+        codec.decode(data, "x")
+
+
+def changed(change) -> bytes:
+    """A clip whose table was changed after it was encoded."""
+    table = pa.ipc.open_stream(codec.encode(robot_clip())).read_all()
+    sink = pa.BufferOutputStream()
+    found = change(table)
+    with pa.ipc.new_stream(sink, found.schema) as stream:
+        stream.write_table(found)
+    return sink.getvalue().to_pybytes()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda table: table.set_column(0, "root_pos_w", pa.array(["a"] * len(table))),
+        lambda table: table.set_column(0, "root_pos_w", pa.array([[1.0]] + [[1.0, 2.0]] * (len(table) - 1))),
+        lambda table: table.drop_columns(["joint_pos"]),
+        lambda table: table.replace_schema_metadata({"booster_lab": json.dumps({"format": codec.FORMAT})}),
+        lambda table: table.replace_schema_metadata({"booster_lab": "[]"}),
+    ],
+)
+def test_a_column_or_head_that_is_none_of_a_clip_is_refused(change):
+    with pytest.raises(codec.CodecError, match="materialize again"):
+        codec.decode(changed(change), "x")
+
+
+def test_a_clip_of_another_format_says_what_to_do():
+    old = {"booster_lab": json.dumps({"format": "booster-lab clip 2"})}
+    data = changed(lambda table: table.replace_schema_metadata(old))
+    with pytest.raises(codec.CodecError, match=r"format 'booster-lab clip 2', this version.*: materialize again"):
         codec.decode(data, "x")
 
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage
-from pipeline.feasibility.balance import WITHIN_A_TAKE, BalanceError, effective_seconds
+from pipeline.feasibility.balance import WITHIN_A_TAKE, BalanceError, effective_seconds_of, takes
 from pipeline.feasibility.command_space import by_command
 from pipeline.files import settings
 
@@ -103,6 +103,11 @@ def test_no_clips_have_no_weights():
 
 def _takes(*takes: tuple[str, str, float]) -> pd.DataFrame:
     return pd.DataFrame(takes, columns=["clip", "family", "seconds"])
+
+
+def effective_seconds(rows: pd.DataFrame, weight: np.ndarray) -> float:
+    """Of rows with `clip`, `family` and `seconds`."""
+    return effective_seconds_of(pd.factorize(rows["family"])[0], takes(rows), rows["seconds"].to_numpy(float), weight)
 
 
 def test_effective_seconds_are_the_seconds_where_all_weigh_the_same():

@@ -184,6 +184,10 @@ def test_what_left_kp5_has_the_same_results_without_a_second_evaluation(robot: R
     found = with_evaluated(run_stage(stage, rest, store, HERE, LOG), stage, known, results)
     assert found.to_text() == again.to_text()
     assert found.recomputed == 0
+    some = {clip: results[clip] for clip in sorted(results)[::2]}
+    rest, known = without_evaluated(references, stage, some)
+    assert rest.entries and known
+    assert with_evaluated(run_stage(stage, rest, store, HERE, LOG), stage, known, some).to_text() == again.to_text()
 
 
 def test_other_thresholds_or_another_robot_evaluate_again(robot: Robot, tmp_path: Path):

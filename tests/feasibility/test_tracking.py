@@ -1,6 +1,8 @@
 """A simulated robot against the motion that it tracked: what it is held to, and divergence that is planted or real."""
 
 import dataclasses
+import logging
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import pytest
 from pipeline import rotation
 from pipeline.augment import AugmentSettings
 from pipeline.augment import process as augment
+from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.catalog import CatalogSettings, catalogue_file
 from pipeline.cli.retarget_command import encode_csv
 from pipeline.clips.outcome import Outcome, Piece
@@ -17,7 +20,7 @@ from pipeline.feasibility import FeasibilitySettings, assess, process
 from pipeline.feasibility.judgement import NUMBER, from_text
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.over_time import windowed_mean
-from pipeline.feasibility.reference import CONTENT, ReferenceGoneError, reference_of
+from pipeline.feasibility.reference import CONTENT, ReferenceGoneError, StoredReferences, reference_of
 from pipeline.feasibility.tracking_criteria import CRITERIA, tracking, tracking_error
 from pipeline.files import settings
 from pipeline.readers import FileStatement, Source
@@ -267,6 +270,27 @@ def test_a_reference_that_is_gone_is_a_fault_that_is_tried_again(robot, limits, 
     with pytest.raises(ReferenceGoneError, match="materialize motion_catalog again") as raised:
         process(rollout, {CONTENT: "a"}, settings=limits, robot=robot)
     assert isinstance(raised.value, PipelineError)
+
+
+def test_a_damaged_reference_in_the_store_rejects_no_clip_for_good(robot, limits, reference, rollout, tmp_path):
+    store = Store(root=tmp_path)
+    blob = store.put_clip(reference)
+    function = partial(
+        process, settings=limits, robot=robot, references=StoredReferences(store=store, blobs={"a": blob})
+    )
+    stage = Stage(name="kp5", version="1", function=function)
+    numbers = {CONTENT: "a", "fps": 50.0}
+    clips = Manifest(
+        stage="before", entries=(Entry(clip="rollout", blob=store.put_clip(rollout), numbers=numbers),), judged=()
+    )
+    here, log = ClipPool(backend="sequential"), logging.getLogger("test")
+    store.own_blobs.path(blob).write_bytes(b"torn")
+    (row,) = run_stage(stage, clips, store, here, log).judged
+    assert [reason["code"] for reason in row.reasons] == ["failed"]
+    assert "does not match its name. Materialize again" in row.reasons[0]["text"]
+    store.put_clip(reference)
+    found = run_stage(stage, clips, store, here, log)
+    assert found.recomputed == 1 and [entry.clip for entry in found.entries] == ["rollout"]
 
 
 def test_from_two_files_to_a_verdict_through_every_stage(robot, root, limits, reference, rollout, simulated, tmp_path):

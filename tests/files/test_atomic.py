@@ -14,7 +14,7 @@ import pytest
 
 from pipeline.errors import FileError
 from pipeline.files import atomic
-from pipeline.files.blob_store import BlobStore
+from pipeline.files.blob_store import BlobStore, StoreError
 
 KILLED_WRITER = """
 import os, sys
@@ -146,8 +146,20 @@ def test_a_blob_is_read_back_and_a_changed_one_is_refused(tmp_path):
     blob = store.put(b"frames")
     assert store.get(blob) == b"frames"
     store.path(blob).write_bytes(b"framed")
-    with pytest.raises(FileError, match="content does not match its name"):
+    with pytest.raises(StoreError, match="content does not match its name"):
         store.get(blob)
+    assert not store.has(blob), "it is removed, so that it is made again"
+    assert store.get(store.put(b"frames")) == b"frames"
+
+
+def test_only_a_synced_blob_is_forced_to_the_disk(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fsync", synced.append)
+    store = BlobStore(root=tmp_path)
+    store.put(b"frames")
+    assert not synced
+    store.put(b"rows", synced=True)
+    assert len(synced) >= 2, "file and folder"
 
 
 def test_a_missing_blob_says_what_to_do(tmp_path):

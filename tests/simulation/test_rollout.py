@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.robot import Robot
-from pipeline.simulation.mujoco_plant import self_collision
+from pipeline.simulation.mujoco_plant import _COLLISION, self_collision
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from tests.factories.policy_walks import policy_walk
 from tests.factories.robot_clips import standing
@@ -57,3 +57,10 @@ def test_legs_drawn_together_overlap_and_the_default_pose_does_not(robot: Robot)
     assert np.all(found.depth[2:] > 0.02)
     assert found.pairs[2] is not None
     assert {name.split("_")[0] for name in found.pairs[2]} == {"left", "right"}
+
+
+def test_few_compiled_models_are_kept(robot: Robot):
+    clip = standing(robot, 0.1)
+    for number in range(8):
+        self_collision(clip, dataclasses.replace(robot, mjcf=f"{robot.mjcf}<!-- {number} -->"))
+    assert _COLLISION.model.cache_info().currsize == 4
