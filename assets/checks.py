@@ -10,7 +10,6 @@ import dagster as dg
 from assets.plan import Plan
 from assets.report import check_result
 from pipeline.batch import Manifest
-from pipeline.batch.shard import MISSING
 
 Verdict = tuple[bool, str]
 
@@ -32,7 +31,11 @@ def finite_numbers(manifest: Manifest) -> Verdict:
     for shard in shards:
         columns = shard.columns(["clip", "seconds"])
         seconds = columns.get("seconds", [0.0] * shard.count)
-        bad += [clip for clip, own in zip(columns["clip"], seconds, strict=True) if own is MISSING or not own > 0.0]
+        bad += [
+            clip
+            for clip, own in zip(columns["clip"], seconds, strict=True)
+            if not isinstance(own, float | int) or not own > 0.0
+        ]
     return not bad, ", ".join(bad) if bad else f"{len(manifest.entries)} clips"
 
 

@@ -202,7 +202,8 @@ def _card(
 
 def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
     """The policy walking in MuJoCo at some speeds: two seconds moving, and a contact sheet of the same."""
-    from pipeline.viewing.contact_sheet import contact_sheet, walk_gif
+    from pipeline.viewing.contact_sheet import LARGE, contact_sheet, walk_gif
+    from pipeline.viewing.playlist import Shown
 
     one = deployed(PROJECT.adapted_robot(robot), served_policy(exported))
     pictures = []
@@ -219,7 +220,9 @@ def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
         ended = f"fell after {walked.fell_s:.1f} s" if walked.fell_s is not None else "no fall in 6 s"
         clip = walked.clip(f"{speed:g} m/s")
         start_s = max((len(clip.joint_pos) - 1) / clip.fps - 2.0, 0.0)
-        sheet = contact_sheet(None, walked.clip(f"{speed:g} m/s, last 1.5 s", start_s=start_s + 0.5), one.robot)
+        name = f"{speed:g} m/s, last 1.5 s"
+        last = Shown(name=name, robot_clip=walked.clip(name, start_s=start_s + 0.5))
+        sheet = contact_sheet([last], one.robot, dots_per_m=LARGE)
         caption = f"forward {speed:g} m/s in MuJoCo, {ended}"
         pictures.append(Picture(caption=caption, data=walk_gif(clip, one.robot, start_s), kind="gif"))
         pictures.append(Picture(caption=caption, data=sheet))

@@ -16,8 +16,9 @@ from pipeline.robot import Robot, load_robot  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# The same examples in every run: a change is judged by what it changed. Other examples: --hypothesis-profile=default.
-hypothesis.settings.register_profile("same_examples", derandomize=True, database=None)
+# The same examples in every run, however long they take: a change is judged by what it changed. Other examples:
+# --hypothesis-profile=default.
+hypothesis.settings.register_profile("same_examples", derandomize=True, database=None, deadline=None)
 hypothesis.settings.load_profile("same_examples")
 
 

@@ -99,6 +99,14 @@ class Shard(Generic[Row]):
             raise FileError(where, f"it is no shard of a manifest ({error}).", "Materialize again.") from error
 
 
+class NotFiniteError(ValueError):
+    """A number of a row that is not finite."""
+
+    def __init__(self, name: str, row: int):
+        super().__init__(f"the number '{name}' of row {row} is not finite")
+        self.name, self.row = name, row
+
+
 def shard_of(kind: type[Row], rows: Sequence[Row]) -> Shard[Row]:
     """The rows as a shard in memory; equal rows give equal bytes. Raises ValueError for a number that is not finite."""
     own = {name: [getattr(row, name) for row in rows] for name in OWN[kind]}
@@ -106,7 +114,11 @@ def shard_of(kind: type[Row], rows: Sequence[Row]) -> Shard[Row]:
     for name in names:
         _check_name(name, kind)
     numbers = {name: [row.numbers.get(name, MISSING) for row in rows] for name in names}
-    return _shard(kind, {name: _column(name, values) for name, values in (own | numbers).items()}, len(rows))
+    try:
+        columns = {name: _column(name, values) for name, values in (own | numbers).items()}
+    except NotFiniteError as error:
+        raise ValueError(f"clip '{rows[error.row].clip}': the number '{error.name}' is not finite") from error
+    return _shard(kind, columns, len(rows))
 
 
 def cut(clips: Sequence[str]) -> Iterator[slice]:
@@ -208,6 +220,10 @@ def _column(name: str, values: list[Any]) -> tuple[pa.Field, pa.Array]:
     lacks = any(value is MISSING for value in values)
     nothing = kinds - {type(None)}
     kind = _PLAIN.get(next(iter(nothing))) if len(nothing) == 1 else None
+    if float in kinds:
+        bad = [row for row, value in enumerate(values) if isinstance(value, float) and not math.isfinite(value)]
+        if bad:
+            raise NotFiniteError(name, bad[0])
     if kind is not None and not (lacks and type(None) in kinds):
         given = [None if value is MISSING else value for value in values]
         fits, made = kind
@@ -216,12 +232,6 @@ def _column(name: str, values: list[Any]) -> tuple[pa.Field, pa.Array]:
             return pa.field(name, made, metadata=metadata), pa.array(given, type=made)
     texts = [None if value is MISSING else _text(value) for value in values]
     return pa.field(name, pa.string(), metadata=_JSON), pa.array(texts, type=pa.string())
-
-
-def _finite(values: list[Any]) -> bool:
-    if not all(value is None or math.isfinite(value) for value in values):
-        raise ValueError("a number of a clip is not finite")
-    return True
 
 
 def _in_range(values: list[Any]) -> bool:
@@ -237,7 +247,7 @@ def _is_utf8(values: list[Any]) -> bool:
 
 
 _PLAIN: dict[type, tuple[Callable[[list[Any]], bool], pa.DataType]] = {
-    float: (_finite, pa.float64()),
+    float: (lambda values: True, pa.float64()),
     int: (_in_range, pa.int64()),
     bool: (lambda values: True, pa.bool_()),
     str: (_is_utf8, pa.string()),

@@ -50,9 +50,14 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     names = [stem] if stem in sources.robot else (made or found)[:MOST_NAMES]
     beside = [name for name in found if name not in set(names)][:MOST_NAMES]
 
+    reasons = {name: [] for name in found}
+    for manifest in table.manifests.values():
+        for clip, given in manifest.findings("clip", "reasons"):
+            if given and clip in reasons:
+                reasons[clip] += given
+
     def load(name: str) -> Shown:
-        rows = [row for manifest in table.manifests.values() for row in manifest.judged if row.clip == name]
-        facts = _text(_numbers(sources, name), [reason for row in rows for reason in row.reasons])
+        facts = _text(_numbers(sources, name), reasons[name])
         return dataclasses.replace(_source(sources, name).load(project.store, robot), text=facts)
 
     return Playlist(names=tuple(names), beside=tuple(beside), load=load)

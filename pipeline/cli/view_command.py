@@ -21,7 +21,7 @@ from pipeline.files.shown_text import markdown_list
 from pipeline.readers import Statement
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.robot import Robot
-from pipeline.viewing.contact_sheet import Strip, contact_sheet, worst_clips_sheet
+from pipeline.viewing.contact_sheet import LARGE, contact_sheet
 from pipeline.viewing.playlist import Playlist, Shown
 
 
@@ -115,13 +115,7 @@ def view_clip(args: View) -> int:
 def picture(clips: Playlist, robot: Robot, count: int) -> bytes:
     """A contact sheet of the clip, or of the first clips where the name means several."""
     shown = [clips.load(name) for name in clips.names[:MOST_STRIPS]]
-    if len(shown) == 1:
-        (only,) = shown
-        return contact_sheet(only.human, only.robot_clip, robot, count, only.reference)
-    strips = [
-        Strip(title=each.name, human=each.human, reference=each.reference, robot_clip=each.robot_clip) for each in shown
-    ]
-    return worst_clips_sheet(strips, robot, count)
+    return contact_sheet(shown, robot, count, LARGE) if len(shown) == 1 else contact_sheet(shown, robot, count)
 
 
 def curate(args: Curate) -> int:

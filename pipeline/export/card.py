@@ -74,7 +74,7 @@ def read_card(folder: Path) -> ModelCard:
         raise FileError(path, f"is no card of schema {SCHEMA!r}.", "Export the policy again.")
     _check_seal(path, value)
     del value["schema"]
-    card = settings.parse(ModelCard, value, path)
+    card = settings.parse(ModelCard, value, path, AGAIN)
     outside = [name for name in card.files if Path(name).is_absolute() or ".." in Path(name).parts]
     if outside:
         raise FileError(path, f"states files that are none of its folder: {', '.join(outside)}.", AGAIN)

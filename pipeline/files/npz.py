@@ -10,7 +10,8 @@ import pickle
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,6 +39,17 @@ def raise_fault_of_disk(error: Exception) -> None:
     """Raise an error again if it comes from the disk or the system and not from the file: EIO, EACCES, EMFILE."""
     if isinstance(error, OSError) and error.errno not in OF_THE_FILE:
         raise error
+
+
+@contextmanager
+def reported_damage(path: Path, what: str, do: str = "") -> Iterator[None]:
+    """What a library raises while it reads a damaged file, as one FileError: `it is not <what> that can be read`."""
+    try:
+        yield
+    except DAMAGED_FILE as error:
+        raise_fault_of_disk(error)
+        says = first_words(f"{type(error).__name__} {error}")
+        raise FileError(path, f"it is not {what} that can be read: {says}.", do) from error
 
 
 MOST_MEMBERS = 1_000

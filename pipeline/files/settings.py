@@ -104,8 +104,11 @@ def read(path: Path, kind: type[T]) -> T:
     return parse(kind, read_yaml(path), path)
 
 
-def parse(kind: type[T], value: Any, origin: Path) -> T:
-    """A plain value (from YAML, TOML or JSON) as the dataclass `kind`. Raises SettingsError that names `origin`."""
+def parse(kind: type[T], value: Any, origin: Path, do: str = "") -> T:
+    """A plain value (from YAML, TOML or JSON) as the dataclass `kind`.
+
+    Raises SettingsError that names `origin` and every fault, and what to `do`.
+    """
     try:
         return _model(kind).model_validate_json(json.dumps({"file": _json(value)})).file
     except ValidationError as error:
@@ -113,7 +116,7 @@ def parse(kind: type[T], value: Any, origin: Path) -> T:
         faults = "; ".join(_sentence(*fault) for fault in found)
     except RecursionError:
         faults = "it is nested too deeply"
-    raise SettingsError(origin, f"{faults}.")
+    raise SettingsError(origin, f"{faults}.", do)
 
 
 def plain(settings: Any) -> Any:

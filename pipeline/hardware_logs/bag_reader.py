@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.hardware_logs.log_report import Bounds, LogReport, Loss
-from pipeline.hardware_logs.mcap_channels import Channel, Channels, Schema, Summary
-from pipeline.hardware_logs.mcap_chunk import Records
+from pipeline.hardware_logs.mcap_records import Channel, Channels, Records, Schema, Summary
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
 
 MAGIC = b"SQLite format 3\x00"

@@ -105,8 +105,8 @@ class HeldTopic:
 class CommandSource:
     """The command of one log.
 
-    `origin_ns`: receipt of the log's first message, if known; `whole`: nothing was lost where a statement may have
-    been, so that a log that states nothing is steered by its remote.
+    `origin_ns`: receipt of the log's first message, if known: what was stated in seconds counts from it. `whole`:
+    nothing was lost where a statement may have been, so that a log that states nothing is steered by its remote.
     """
 
     def __init__(self, stated: StatedFacts, origin_ns: int | None, *, whole: bool):
@@ -130,10 +130,6 @@ class CommandSource:
         if self.kind == "remote":
             return -sticks[:, [1, 0, 2]] * np.array(self.stated.facts.command_scale, dtype=np.float32)
         return np.full((len(grid_ns), 3), np.nan, dtype=np.float32)
-
-    def forget_origin(self) -> None:
-        """The clock jumped: what was stated in seconds can't be placed any more."""
-        self.origin_ns = None
 
     def note_buttons(self, time_ns: Int[np.ndarray, " m"], rows: np.ndarray) -> None:
         """Take messages of the remote: buttons that go down are events."""

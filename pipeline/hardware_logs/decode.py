@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Int
 
-from pipeline.hardware_logs.mcap_channels import Channel
+from pipeline.hardware_logs.mcap_records import Channel
 from pipeline.hardware_logs.messages import ENCAPSULATION, MESSAGES, TOPICS, Field, is_known_text, payload_dtype
 
 SEQUENCES = {message: [field.name for field in fields if field.length is None] for message, fields in MESSAGES.items()}

@@ -14,9 +14,9 @@ from pipeline.hardware_logs.log_facts import FactsError, StatedFacts, stated_fac
 from pipeline.hardware_logs.log_report import LogReport
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.message_flow import MessageFlow
+from pipeline.hardware_logs.regular import OpenTrial, TrialFiles
 from pipeline.hardware_logs.robot_log import METADATA
 from pipeline.hardware_logs.trial import Trial, read_trial
-from pipeline.hardware_logs.trial_files import OpenTrial, TrialFiles
 from pipeline.robot import Robot
 
 SUFFIXES = {".mcap": McapReader, ".db3": BagReader}

@@ -2,11 +2,12 @@
 
 import dataclasses
 import json
-import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
+
+from pydantic import Field, Json, TypeAdapter
 
 from pipeline.errors import PipelineError
 from pipeline.files import digest, settings
@@ -67,10 +68,6 @@ class FactsError(PipelineError):
     """Statements that contradict each other, or a sidecar that can't be read."""
 
 
-YES_NO = {"yes": True, "no": False}
-"""How `simulated` is written in a log's metadata."""
-
-
 def to_metadata(facts: LogFacts, start_ns: int) -> dict[str, str]:
     """Facts as the strings of an MCAP metadata record, with a checksum of their own as MCAP has none for it."""
     values = {
@@ -102,59 +99,49 @@ def stated_facts(metadata: dict[str, str] | None, sidecar: Path | None) -> State
     policy = facts.get("policy_digest")
     if policy and not DIGEST.fullmatch(policy):
         remarks.append("its policy_digest is no SHA-256 and is left out.")
-        facts["policy_digest"] = None
-    if not facts.get("policy_digest"):
-        facts["policy_digest"] = None
+        policy = None
+    if not policy:
         remarks.append("no policy is stated: it can't be laid to one.")
-    facts.setdefault("robot", "")
-    return StatedFacts(facts=LogFacts(**facts), start_ns=start_ns, remarks=tuple(remarks), damaged=damaged)
+    known = LogFacts(**{"robot": "", **facts, "policy_digest": policy or None})
+    return StatedFacts(facts=known, start_ns=start_ns, remarks=tuple(remarks), damaged=damaged)
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """A log's metadata record, as far as it states something."""
+
+    robot: str | None = None
+    policy_digest: str | None = None
+    command_source: Annotated[str, OneOf(COMMAND_SOURCES)] | None = None
+    simulated: Annotated[str, OneOf(("yes", "no"))] | None = None
+    command: Json[list[tuple[Finite, Finite, Finite, Finite]]] | None = None
+    command_scale: Json[tuple[Finite, Finite, Finite]] | None = None
+    events: Json[list[tuple[Finite, Annotated[str, OneOf(EVENTS)]]]] | None = None
+    notes: Json[dict[str, str]] | None = None
+    start_ns: int | None = None
+
+
+_RECORDED = TypeAdapter(Recorded)
 
 
 def _of_metadata(metadata: dict[str, str]) -> tuple[dict[str, Any], int | None, list[str]]:
-    if not metadata:
-        return {}, None, []
     values = {key: text for key, text in metadata.items() if key != "sha256"}
     if "sha256" in metadata and digest.of_json(values) != metadata["sha256"]:
         return {}, None, ["its metadata is damaged and left out."]
     try:
-        return _parsed(values), int(values["start_ns"]) if "start_ns" in values else None, []
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+        facts = {key: each for key, each in vars(_RECORDED.validate_python(values)).items() if each is not None}
+    except ValueError:
         return {}, None, ["its metadata can't be read and is left out."]
-
-
-def _parsed(values: dict[str, str]) -> dict[str, Any]:
-    facts: dict[str, Any] = {name: values[name] for name in ("robot", "policy_digest") if values.get(name)}
-    if "command_source" in values:
-        if values["command_source"] not in COMMAND_SOURCES:
-            raise ValueError("unknown command source")
-        facts["command_source"] = values["command_source"]
-    if "simulated" in values:
-        if values["simulated"] not in YES_NO:
-            raise ValueError("simulated is neither yes nor no")
-        facts["simulated"] = YES_NO[values["simulated"]]
-    if "command" in values:
-        rows = [_finite(row, 4) for row in json.loads(values["command"])[:MAX_ROWS]]
-        facts["command"] = tuple(sorted(rows))
-    if "command_scale" in values:
-        facts["command_scale"] = _finite(json.loads(values["command_scale"]), 3)
-    if "events" in values:
-        facts["events"] = tuple(_event(*row) for row in json.loads(values["events"])[:MAX_ROWS])
-    if "notes" in values:
-        facts["notes"] = {str(key): str(text) for key, text in json.loads(values["notes"]).items()}
-    return facts
-
-
-def _finite(row: Any, length: int) -> tuple[float, ...]:
-    numbers = tuple(float(each) for each in row)
-    if len(numbers) != length or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"not {length} numbers")
-    return numbers
-
-
-def _event(time_s: float, kind: str) -> OperatorEvent:
-    if kind not in EVENTS:
-        raise ValueError("unknown event")
-    return OperatorEvent(time_s=float(time_s), kind=kind)
+    if "simulated" in facts:
+        facts["simulated"] = facts["simulated"] == "yes"
+    if "command" in facts:
+        facts["command"] = tuple(sorted(facts["command"][:MAX_ROWS]))
+    if "events" in facts:
+        facts["events"] = tuple(OperatorEvent(time_s=at, kind=kind) for at, kind in facts["events"][:MAX_ROWS])
+    return facts, facts.pop("start_ns", None), []
 
 
 def _with_sidecar(facts: dict[str, Any], path: Path) -> tuple[dict[str, Any], list[str]]:

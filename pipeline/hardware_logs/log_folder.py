@@ -17,7 +17,7 @@ from pipeline.files import atomic, digest
 from pipeline.files.blob_store import DigestMemory
 from pipeline.files.shown_text import decodable
 from pipeline.hardware_logs.ingest import SUFFIXES
-from pipeline.hardware_logs.mcap_chunk import MAGIC
+from pipeline.hardware_logs.mcap_records import MAGIC
 
 QUARANTINE = "quarantine"
 """Folder of sentences, one for each log that is refused; nothing is moved there."""

@@ -6,30 +6,26 @@ Every such place is a `Loss` between the records before and after.
 
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Metadata
 
 from pipeline.hardware_logs.log_report import Bounds, LogReport, Loss
-from pipeline.hardware_logs.mcap_channels import Channels, Summary, read_summary
-from pipeline.hardware_logs.mcap_chunk import (
-    ATTACHMENT,
-    CHANNEL,
-    CHUNK,
+from pipeline.hardware_logs.mcap_records import (
     CHUNK_HEAD,
-    DATA_END,
-    HEADER,
+    DEFINITIONS,
     MAGIC,
-    MESSAGE,
     MESSAGE_HEAD,
-    MESSAGE_INDEX,
-    METADATA,
     RECORD_HEAD,
-    SCHEMA,
-    Cursor,
+    Channels,
+    Fields,
     Records,
+    Summary,
     cut,
     open_chunk,
+    read_summary,
 )
 
 KINDS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
@@ -39,60 +35,6 @@ HEAD_BYTES = 11
 """Opcode, length and channel of a message."""
 MAX_TRIED = 1_000
 """Places of one file that are inflated to see whether they are chunks."""
-
-
-class Resync:
-    """Searches one file; counts what it tried."""
-
-    def __init__(self, stream: BinaryIO, size: int):
-        self._stream, self._size = stream, size
-        self._tried = 0
-
-    def chunk(self, start: int, offsets: Iterable[int]) -> int | None:
-        """First chunk whose checksum holds, at or behind `start`, also at the ascending `offsets`; None without any."""
-        looks = (each - BEFORE for each in self._find(KINDS, start + BEFORE))
-        stated = (each for each in offsets if each >= start)
-        found = [at for places in (looks, stated) if (at := self._first_chunk(places)) is not None]
-        return min(found, default=None)
-
-    def message(self, start: int, lengths: Iterable[tuple[int, int]]) -> int | None:
-        """First place that begins as a message does that was met before: of such a length and channel."""
-        heads = [MESSAGE_HEAD.pack(MESSAGE, length, channel, 0, 0, 0)[:HEAD_BYTES] for length, channel in lengths]
-        return next(self._find(heads, start), None)
-
-    def _first_chunk(self, places: Iterable[int]) -> int | None:
-        for at in places:
-            self._tried += 1
-            if self._tried > MAX_TRIED:
-                return None
-            if self._is_chunk(at):
-                return at
-        return None
-
-    def _is_chunk(self, at: int) -> bool:
-        self._stream.seek(at)
-        head = self._stream.read(RECORD_HEAD.size)
-        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
-        if opcode != CHUNK or length > min(Bounds.record_bytes, self._size - at):
-            return False
-        try:
-            return open_chunk(self._stream.read(length), Bounds.record_bytes)[1]
-        except ValueError:
-            return False
-
-    def _find(self, patterns: Iterable[bytes], start: int) -> Iterator[int]:
-        """Places of any of the patterns from `start` on, in ascending order."""
-        patterns = tuple(patterns)
-        overlap = max(map(len, patterns), default=1) - 1
-        for block in range(start, self._size, BLOCK):
-            self._stream.seek(block)
-            data, found = self._stream.read(BLOCK + overlap), set()
-            for pattern in patterns:
-                at = data.find(pattern)
-                while 0 <= at < BLOCK:
-                    found.add(block + at)
-                    at = data.find(pattern, at + 1)
-            yield from sorted(found)
 
 
 BLOCK = 1 << 20
@@ -110,7 +52,7 @@ class McapReader:
         self.contradicted: set[str] = set()
         """Names of metadata records of which another one says something else."""
         self.summary: Summary | None = None
-        self._inflated = 0
+        self._inflated, self._tried = 0, 0
         self._counts: Counter[int] = Counter()
         self._lengths: set[tuple[int, int]] = set()
         """Record length and channel of messages outside chunks."""
@@ -127,48 +69,89 @@ class McapReader:
             yield from self._walk()
 
     def _walk(self) -> Iterator[Records | Loss]:
-        at, resync = len(MAGIC), Resync(self._stream, self._size)
+        at = len(MAGIC)
         while True:
             head = self._bytes(at, HEAD)
             self.report.offset = at
             opcode, length = RECORD_HEAD.unpack(head) if len(head) == HEAD else (0, 0)
-            if opcode == DATA_END and length == 4:
+            if opcode == Opcode.DATA_END and length == 4:
                 yield from self._end(at)
                 return
             if not self._is_record(opcode, length, at):
-                found = self._next(resync, at + 1)
+                found = self._next(at + 1)
                 yield self.report.lose(at, "a damaged record" if found else "the file ends or can't be read further")
                 if found is None:
                     return
                 at = found
-            elif opcode in (MESSAGE, SCHEMA, CHANNEL):
+            elif opcode in (Opcode.MESSAGE, *DEFINITIONS):
                 records = cut(self._bytes(at, max(BLOCK, HEAD + length)), whole=False)
                 self._note_bare(records)
                 yield from self._take(records, at)
                 at += records.end or HEAD + length
             else:
-                if opcode == CHUNK:
+                if opcode == Opcode.CHUNK:
                     yield from self._chunk(at, length)
-                elif opcode == METADATA:
+                elif opcode == Opcode.METADATA:
                     yield from self._metadata(at, length)
                 at += HEAD + length
 
-    def _next(self, resync: Resync, start: int) -> int | None:
-        """Where reading can continue: behind chunks with checksums only at such a chunk."""
+    def _next(self, start: int) -> int | None:
+        """Where reading can continue: behind chunks with checksums only at such a chunk.
+
+        Messages outside chunks are found by their heads: of a length and channel that was met before.
+        """
         if self._lengths and not self.report.checked:
-            return resync.message(start, self._lengths)
-        return resync.chunk(start, self.summary.chunk_offsets if self.summary else ())
+            heads = (MESSAGE_HEAD.pack(Opcode.MESSAGE, length, each, 0, 0, 0) for length, each in self._lengths)
+            return next(self._find([head[:HEAD_BYTES] for head in heads], start), None)
+        looks = (each - BEFORE for each in self._find(KINDS, start + BEFORE))
+        stated = (each for each in (self.summary.chunk_offsets if self.summary else ()) if each >= start)
+        found = [at for places in (looks, stated) if (at := self._first_chunk(places)) is not None]
+        return min(found, default=None)
+
+    def _first_chunk(self, places: Iterable[int]) -> int | None:
+        """The first of the places with a chunk whose checksum holds."""
+        for at in places:
+            self._tried += 1
+            if self._tried > MAX_TRIED:
+                return None
+            if self._is_chunk(at):
+                return at
+        return None
+
+    def _is_chunk(self, at: int) -> bool:
+        head = self._bytes(at, HEAD)
+        opcode, length = RECORD_HEAD.unpack(head) if len(head) == HEAD else (0, 0)
+        if opcode != Opcode.CHUNK or length > min(Bounds.record_bytes, self._size - at):
+            return False
+        try:
+            return open_chunk(self._stream.read(length), Bounds.record_bytes)[1]
+        except ValueError:
+            return False
+
+    def _find(self, patterns: Sequence[bytes], start: int) -> Iterator[int]:
+        """Places of any of the patterns from `start` on, in ascending order."""
+        overlap = max(map(len, patterns), default=1) - 1
+        for block in range(start, self._size, BLOCK):
+            data, found = self._bytes(block, BLOCK + overlap), set()
+            for pattern in patterns:
+                at = data.find(pattern)
+                while 0 <= at < BLOCK:
+                    found.add(block + at)
+                    at = data.find(pattern, at + 1)
+            yield from sorted(found)
 
     def _is_record(self, opcode: int, length: int, at: int) -> bool:
         """Whether a record of the data section may start here."""
         if length > min(Bounds.record_bytes, self._size - at - HEAD):
             return False
-        if opcode == MESSAGE_INDEX:
-            content = self._bytes(at + HEAD, 6)
-            return length >= 6 and Cursor(content).numbers("HI")[1] == length - 6 and (length - 6) % 16 == 0
-        if opcode == HEADER:
+        if opcode == Opcode.MESSAGE_INDEX:
+            size = int.from_bytes(self._bytes(at + HEAD + 2, 4), "little")
+            return length >= 6 and size == length - 6 and size % 16 == 0
+        if opcode == Opcode.HEADER:
             return at == len(MAGIC)
-        return opcode in (SCHEMA, CHANNEL, CHUNK, ATTACHMENT, METADATA) or (opcode == MESSAGE and length >= 22)
+        if opcode == Opcode.MESSAGE:
+            return length >= 22
+        return opcode in (*DEFINITIONS, Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA)
 
     def _bytes(self, at: int, size: int) -> bytes:
         self._stream.seek(at)
@@ -216,19 +199,18 @@ class McapReader:
             yield records
 
     def _metadata(self, at: int, length: int) -> Iterator[Loss]:
-        cursor = Cursor(self._bytes(at + HEAD, length))
         try:
-            name, values = cursor.text(), cursor.text_map()
+            found = Metadata.read(Fields(self._bytes(at + HEAD, length)))
         except ValueError:
             yield self.report.lose(at, "a metadata record that can't be read")
             return
-        if self.metadata.setdefault(name, values) != values:
-            self.contradicted.add(name)
+        if self.metadata.setdefault(found.name, found.metadata) != found.metadata:
+            self.contradicted.add(found.name)
 
     def _end(self, at: int) -> Iterator[Loss]:
         """Hold what was read against the checksum of the whole and against the statistics."""
         self.report.ended = True
-        (crc,) = Cursor(self._bytes(at + HEAD, 4)).numbers("I")
+        crc = int.from_bytes(self._bytes(at + HEAD, 4), "little")
         if crc and self.report.unchecked:
             self.report.whole_checked = self._crc(at) == crc
             if not self.report.whole_checked:

@@ -11,12 +11,11 @@ from pipeline.hardware_logs.decode import JointCount, SchemaError, TopicDecoder
 from pipeline.hardware_logs.layout import LogSettings
 from pipeline.hardware_logs.log_facts import StatedFacts
 from pipeline.hardware_logs.log_report import LogReport, Loss, stretches
-from pipeline.hardware_logs.mcap_chunk import Records
 from pipeline.hardware_logs.mcap_reader import McapReader
+from pipeline.hardware_logs.mcap_records import Records
 from pipeline.hardware_logs.messages import TOPICS
 from pipeline.hardware_logs.plausible import Plausible, SensorWatch
-from pipeline.hardware_logs.regular import Block, Regular, Stretched
-from pipeline.hardware_logs.trial_files import TrialFiles
+from pipeline.hardware_logs.regular import Block, Regular, Stretched, TrialFiles
 from pipeline.robot import Robot
 from pipeline.robot.legs import legs_of
 
@@ -108,7 +107,7 @@ class MessageFlow:
         if self.robot is not None:
             self._write(self._regular.finish())
             if not (forward and self._lost_before):
-                self._command.forget_origin()
+                self._command.origin_ns = None
 
     def _topics(self, records: Records, index: np.ndarray) -> None:
         channel = records.channel[index]

@@ -152,10 +152,11 @@ class SensorWatch:
         self._length += float(length.sum())
         self._upward += float((np.sum(force * upward(columns["rpy"]), axis=1) / np.maximum(length, 1e-9)).sum())
         imu = np.stack([columns[name] for name in IMU], axis=1)
-        joints = np.stack([columns["joint_pos"], columns["joint_vel"]], axis=2)
+        pos, vel = columns["joint_pos"], columns["joint_vel"]
+        signals = np.concatenate([imu, np.stack([pos, vel, np.zeros_like(pos)], axis=2)], axis=1)
         if self._runs is None:
-            self._runs = _Runs(len(IMU) + joints.shape[1])
-        self._runs.add(time_ns, imu, joints)
+            self._runs = _Runs(signals.shape[1])
+        self._runs.add(time_ns, signals)
         self._turns.add(time_ns, columns["rpy"].astype(np.float64), columns["gyro_b"].astype(np.float64))
 
     def remarks(self) -> list[str]:
@@ -199,27 +200,22 @@ class _Runs:
     def __init__(self, signals: int):
         self.longest_ns = np.zeros(signals, dtype=np.int64)
         self._since: np.ndarray | None = None
-        self._last: tuple[int, np.ndarray, np.ndarray] | None = None
+        self._last: tuple[int, np.ndarray] | None = None
 
-    def add(self, time_ns: np.ndarray, imu: np.ndarray, joints: np.ndarray) -> None:
+    def add(self, time_ns: np.ndarray, signals: np.ndarray) -> None:
+        """Take messages (m,) of signals (m, s, 3)."""
         if self._last is None or self._since is None:
             self._since = np.full(len(self.longest_ns), time_ns[0], dtype=np.int64)
-            self._last = (int(time_ns[0]), imu[0], joints[0])
+            self._last = (int(time_ns[0]), signals[0])
         times = np.concatenate([[self._last[0]], time_ns])  # of the message before each, and of the last
-        changed = np.concatenate(
-            [
-                (np.diff(imu, axis=0, prepend=self._last[1][None]) != 0.0).any(axis=2),
-                (np.diff(joints, axis=0, prepend=self._last[2][None]) != 0.0).any(axis=2),
-            ],
-            axis=1,
-        )
+        changed = (np.diff(signals, axis=0, prepend=self._last[1][None]) != 0.0).any(axis=2)
         for signal in range(len(self.longest_ns)):
             at = np.flatnonzero(changed[:, signal])
             starts = np.concatenate([[self._since[signal]], times[at + 1]])
             ends = np.concatenate([times[at], [times[-1]]])
             self.longest_ns[signal] = max(self.longest_ns[signal], int((ends - starts).max()))
             self._since[signal] = starts[-1]
-        self._last = (int(time_ns[-1]), imu[-1], joints[-1])
+        self._last = (int(time_ns[-1]), signals[-1])
 
 
 class _Turns:

@@ -27,7 +27,6 @@ class Bone:
     """A bone of an ASF while the file is read."""
 
     name: str
-    line: int
     direction: np.ndarray = field(default_factory=lambda: np.zeros(3))
     length: float = 0.0
     axis_deg: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -38,7 +37,7 @@ class Bone:
 
 def read_asf(path: Path) -> dict[str, Bone]:
     """Bones by name, the root among them."""
-    bones = {"root": Bone(name="root", line=1)}
+    bones = {"root": Bone(name="root")}
     section, current = "", None
     for line, text in enumerate(open_text(path).lines(), start=1):
         words = text.split("#")[0].replace("(", " ").replace(")", " ").split()
@@ -74,7 +73,7 @@ def _root_entry(path: Path, root: Bone, words: list[str], line: int) -> None:
 def _bone_entry(path: Path, bones: dict[str, Bone], bone: Bone | None, words: list[str], line: int) -> Bone | None:
     key = words[0].lower()
     if key == "begin":
-        return Bone(name="", line=line)
+        return Bone(name="")
     if bone is None:
         return None
     if key == "name" and len(words) == 2:

@@ -5,8 +5,7 @@ damaged files that it was tried with.) Analog channels are passed over, as are a
 """
 
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.npz import DAMAGED_FILE, first_words, raise_fault_of_disk
+from pipeline.files.npz import reported_damage
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
 from pipeline.readers.raw_motion import Poses, RawMotion, World, in_parents, refuse_pose
@@ -56,7 +55,7 @@ class PointPoses(Poses):
 def read_c3d(path: Path) -> RawMotion:
     """The person in a C3D file. Raises FileError, or OSError of the disk."""
     check_size(path)
-    with path.open("rb") as stream, _faults(path):
+    with path.open("rb") as stream, warnings.catch_warnings(action="ignore"), reported_damage(path, "a C3D file"):
         reader = c3d.Reader(stream)
         columns = _columns(path, _labels(reader))
         frames, rate = _frame_count(path, reader), _rate(path, reader)
@@ -78,21 +77,6 @@ def read_c3d(path: Path) -> RawMotion:
         unit=unit,
         notes=notes,
     )
-
-
-@contextmanager
-def _faults(path: Path) -> Iterator[None]:
-    """What the library raises and warns of as one sentence."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    except FileError:
-        raise
-    except DAMAGED_FILE as error:
-        raise_fault_of_disk(error)
-        says = first_words(f"{type(error).__name__} {error}")
-        raise FileError(path, f"it is not a C3D file that can be read: {says}.") from error
 
 
 def _labels(reader: c3d.Reader) -> list[str]:

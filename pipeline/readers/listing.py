@@ -174,8 +174,9 @@ def list_files(source: Source) -> Listing:
     unread: Counter[str] = Counter()
     for parent, folders, names in os.walk(source.folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        found += [Path(parent) / name for name in names if _is_motion(Path(parent) / name, source.folder)]
-        unread.update(Path(name).suffix.lower() for name in names if _is_unread(Path(parent) / name, source.folder))
+        kinds = {path: _kind(path, source.folder) for path in (Path(parent) / name for name in names)}
+        found += [path for path, kind in kinds.items() if kind == "motion"]
+        unread.update(path.suffix.lower() for path, kind in kinds.items() if kind == "unread")
         if len(found) > MAX_FILES:
             raise FileError(source.folder, f"it holds more than {MAX_FILES} motion files.", "Split it into sources.")
     motions = tuple(sorted(found, key=lambda path: path.relative_to(source.folder).as_posix()))
@@ -196,34 +197,26 @@ def source_warnings(source: Source, listing: Listing) -> list[str]:
     return warnings
 
 
-def _is_motion(path: Path, folder: Path) -> bool:
-    suffix = path.suffix.lower()
-    if path.name.startswith(".") or suffix not in SUFFIXES:
-        return False
+def _kind(path: Path, folder: Path) -> str:
+    """`motion`; `unread` for what may hold motion in a format that is not read; else nothing."""
+    suffix, maybe = path.suffix.lower(), path.stem.lower() not in _NO_MOTIONS
+    if path.name.startswith("."):
+        return ""
     if not can_be_followed(path, folder):
-        return path.stem.lower() not in _NO_MOTIONS
+        return "motion" if suffix in SUFFIXES and maybe else ""
     if not path.is_file():
-        return False
+        return ""
     if suffix not in (".txt", ".csv"):
-        return True
+        return "motion" if suffix in SUFFIXES else "unread" if maybe and suffix not in NO_MOTION else ""
     start = _start(path)
     if start is None:
-        return True  # the reader says what is wrong with it
-    if suffix == ".txt":
-        pointer = start.startswith(POINTER.decode()) and path.stem.lower() not in _NO_MOTIONS
-        return pointer or start.startswith(("{", "["))
-    first = start.split("\n")[0].split(",")[0].strip().strip('"').lower()
-    return first not in _TABLE_COLUMNS
-
-
-def _is_unread(path: Path, folder: Path) -> bool:
-    """A file that may hold motion in a format that is not read; of `.txt` one that begins with a number."""
-    suffix, stem = path.suffix.lower(), path.stem.lower()
-    if path.name.startswith(".") or stem in _NO_MOTIONS or suffix in NO_MOTION or not can_be_followed(path, folder):
-        return False
-    if suffix == ".txt":
-        return path.is_file() and re.match(r"[-+]?\.?\d", _start(path) or "") is not None
-    return suffix not in SUFFIXES and path.is_file()
+        return "motion"  # the reader says what is wrong with it
+    if suffix == ".csv":
+        first = start.split("\n")[0].split(",")[0].strip().strip('"').lower()
+        return "" if first in _TABLE_COLUMNS else "motion"
+    if start.startswith(("{", "[")) or (maybe and start.startswith(POINTER.decode())):
+        return "motion"
+    return "unread" if maybe and re.match(r"[-+]?\.?\d", start) else ""
 
 
 def _start(path: Path) -> str | None:

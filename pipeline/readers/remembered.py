@@ -38,6 +38,13 @@ class RememberedSource:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Record:
+    """What is recorded, as `settings.parse` checks it."""
+
+    sources: tuple[RememberedSource, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class SourcesInUse:
     """The sources of a run, in the order in which they are read."""
 
@@ -109,7 +116,7 @@ def read_remembered(memory: Path) -> tuple[RememberedSource, ...]:
     try:
         if not memory.is_file():
             return ()
-        found = settings.parse(tuple[RememberedSource, ...], read_json(memory), memory)
+        found = settings.parse(_Record, {"sources": read_json(memory)}, memory).sources
     except OSError as error:
         raise FileError(memory, f"{record} ({error}).") from error
     except FileError as error:

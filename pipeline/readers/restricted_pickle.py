@@ -12,7 +12,8 @@ import struct
 import zipfile
 import zlib
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -22,7 +23,7 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.npz import DAMAGED_FILE, check_sizes, first_words, raise_fault_of_disk
+from pipeline.files.npz import check_sizes, reported_damage
 from pipeline.readers.text_file import MAX_BYTES, check_size
 
 MAX_RATIO = 20
@@ -214,50 +215,45 @@ def load_pickle(path: Path) -> Any:
     """The plain data in a pickle. Raises FileError where it names anything else or is damaged; OSError of the disk."""
     check_size(path)
     data = path.read_bytes()
-    try:
+    with _refused(path, converter(path)), reported_damage(path, "a pickle"):
         if data[:1] == b"\x78":
             inflater = zlib.decompressobj()
             data = inflater.decompress(data, min(MAX_RATIO * len(data), MAX_BYTES))
             if inflater.unconsumed_tail:
                 raise FileError(path, f"it inflates to more than {MAX_RATIO} times its size, not allowed.")
         return _Unpickler(_Bytes(data)).load()
+
+
+@contextmanager
+def _refused(path: Path, do: str) -> Iterator[None]:
+    try:
+        yield
     except NotAllowedError as error:
-        raise FileError(path, f"it holds {error}, which is never loaded.", converter(path)) from error
-    except DAMAGED_FILE as error:
-        raise_fault_of_disk(error)
-        raise FileError(
-            path, f"it is not a pickle that can be read: {first_words(f'{type(error).__name__} {error}')}."
-        ) from error
+        raise FileError(path, f"it holds {error}, which is never loaded.", do) from error
 
 
 def load_torch(path: Path) -> Any:
     """The tensors and plain containers in a file of `torch.save`. Raises FileError, or OSError of the disk."""
     check_size(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            check_sizes(path, archive.infolist())
-            (head,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
-            folder = head.removesuffix("data.pkl")
+    tensors = "Save the tensors alone: torch.save({name: tensor, ...}, FILE)."
+    older = "Files of torch before 1.6 are not read; save it again."
+    with (
+        _refused(path, tensors),
+        reported_damage(path, "a file of torch.save", older),
+        zipfile.ZipFile(path) as archive,
+    ):
+        check_sizes(path, archive.infolist())
+        (head,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
+        folder = head.removesuffix("data.pkl")
 
-            def storage(key: str, kind: str) -> np.ndarray:
-                info = archive.getinfo(f"{folder}data/{key}")
-                array = page_memory.empty((info.file_size // np.dtype(kind).itemsize,), kind)
-                with archive.open(info) as stream:
-                    page_memory.fill(array, stream)
-                return array
+        def storage(key: str, kind: str) -> np.ndarray:
+            info = archive.getinfo(f"{folder}data/{key}")
+            array = page_memory.empty((info.file_size // np.dtype(kind).itemsize,), kind)
+            with archive.open(info) as stream:
+                page_memory.fill(array, stream)
+            return array
 
-            return _Unpickler(_Bytes(archive.read(head)), storage).load()
-    except NotAllowedError as error:
-        do = "Save the tensors alone: torch.save({name: tensor, ...}, FILE)."
-        raise FileError(path, f"it holds {error}, which is never loaded.", do) from error
-    except DAMAGED_FILE as error:
-        raise_fault_of_disk(error)
-        do = "Files of torch before 1.6 are not read; save it again."
-        raise FileError(
-            path,
-            f"it is not a file of torch.save that can be read: {first_words(f'{type(error).__name__} {error}')}.",
-            do,
-        ) from error
+        return _Unpickler(_Bytes(archive.read(head)), storage).load()
 
 
 def converter(path: Path) -> str:

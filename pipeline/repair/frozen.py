@@ -36,8 +36,6 @@ NEAREST = 4
 class Limits:
     """What a body's rest is judged by, in [rad] or [m] but for the last."""
 
-    step: float
-    """A body that moves less from frame to frame rests."""
     jump: float
     """The person takes a rest up and leaves it by less."""
     short: float
@@ -272,7 +270,6 @@ def _turned(seen: Seen, unknown: BodyMask, fps: float, settings: DetectionSettin
     holds: list[list[Hold]] = [[] for _ in BODIES]
     for index in (1 + np.flatnonzero(still[:, 1:].any(axis=0))).tolist():
         limits = Limits(
-            step=settings.still_step,
             jump=settings.release_turn,
             short=settings.short_release_turn,
             entering=float(entering[index]),
@@ -297,7 +294,6 @@ def _moved(
     body = [index for index in range(len(BODIES)) if index not in FEET_BODIES]
     jump[:, body] = np.where(world > settings.position_jump, world, jump)[:, body]
     limits = Limits(
-        step=settings.still_step,
         jump=settings.release_place,
         short=settings.position_jump,
         entering=2.0 * slow_rate(fps) * settings.position_jump,

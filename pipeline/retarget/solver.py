@@ -216,7 +216,9 @@ class _Feed:
         self._pelvis, self._feet, self._limbs = targets.pelvis_pos_w, targets.foot_pos_w, targets.limb_dir_w
         self._trunk, self._foot_rot = solver.matrices_of(targets)
         self._waist: list[float] = targets.waist_pos.tolist()
-        self._posture = (posture[:1] if _is_constant(posture) else posture).tolist()
+        self._posture = [] if _is_constant(posture) else posture.tolist()
+        if _is_constant(posture):
+            solver._posture.set_joints(dict(zip(self._names, posture[0].tolist(), strict=True)))
         self._held = _rows(*_weights_of_pelvis(targets, weights))
         self._feet_held = [_rows(*_weights_of_foot(targets, side, weights)) for side in range(2)]
         self._pelvis_now: tuple[float, ...] = ()
@@ -227,7 +229,7 @@ class _Feed:
         solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis[frame]
         solver._trunk.R_world_frame = self._trunk[frame]
         solver._waist.set_joint(self._waist_name, self._waist[frame])
-        if frame < len(self._posture):
+        if self._posture:
             solver._posture.set_joints(dict(zip(self._names, self._posture[frame], strict=True)))
         feet, rotations = self._feet[frame], self._foot_rot[frame]
         for side in (0, 1):

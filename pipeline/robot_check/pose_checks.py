@@ -31,6 +31,8 @@ SPEEDS = (1.0, 100.0)
 """Least and largest speed limit [rad/s]."""
 GROWTH = 1.001
 """Factor by which a disturbance may grow in one physics step."""
+MARGIN = 0.9
+"""Of the largest stable gain of a joint alone, what is advised: joints that move each other shake sooner."""
 
 
 def default_pose(robot: Robot) -> Iterator[Finding]:
@@ -145,10 +147,14 @@ def step_stability(robot: Robot) -> Iterator[Finding]:
     growth, shapes = np.linalg.eig(step)
     joints = sorted({int(np.abs(shapes[len(eye) :, each]).argmax()) for each in np.flatnonzero(abs(growth) > GROWTH)})
     for joint in joints:
-        inertia, gains = 1.0 / inverse[joint, joint], f"kp {robot.kp[joint]:g} and kd {robot.kd[joint]:g}"
-        text = f"joint '{robot.joint_names[joint]}' shakes in simulation: {gains} are too large for its inertia of"
-        text += f" {inertia:.2g} kg m^2 and a step of {1000 * PHYSICS_S:g} ms; lower kd below"
-        yield Finding(code="gains", text=f"{text} {2.0 * inertia / PHYSICS_S:.2g} N m s/rad, or correct the armature.")
+        inertia, kp, kd = 1.0 / inverse[joint, joint], float(robot.kp[joint]), float(robot.kd[joint])
+        text = f"joint '{robot.joint_names[joint]}' shakes in simulation: kp {kp:g} and kd {kd:g} are too large for its"
+        text += f" inertia of {inertia:.2g} kg m^2 and a step of {1000 * PHYSICS_S:g} ms; lower"
+        largest = min(MARGIN * (2.0 * inertia / PHYSICS_S - 0.5 * PHYSICS_S * kp), kd)
+        lower = f"kd to {largest:.2g} N m s/rad"
+        if largest <= 0.0 or largest == kd:  # kp alone is too large
+            lower = f"kp below {MARGIN * 4.0 * inertia / PHYSICS_S**2:.2g} N m/rad and kd"
+        yield Finding(code="gains", text=f"{text} {lower}, or correct the armature.")
 
 
 def _standing_torque(robot: Robot) -> np.ndarray:

@@ -46,7 +46,7 @@ def read_card(folder: Path) -> TrackerCard:
     value = read_json(path, "a card of a tracker", "Write the folder again.")
     if not isinstance(value, dict) or value.pop("schema", None) != SCHEMA:
         raise FileError(path, f"is no card of a tracker of schema {SCHEMA!r}.", "Write the folder again.")
-    card = settings.parse(TrackerCard, value, path)
+    card = settings.parse(TrackerCard, value, path, "Write the folder again.")
     for name, expected in card.files.items():
         if not (folder / name).is_file() or digest.of_file(folder / name) != expected:
             raise FileError(folder / name, "is missing or not the file of its card.", "Write the folder again.")

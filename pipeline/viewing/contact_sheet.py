@@ -6,10 +6,10 @@ the clip's label says that the foot is on the ground. `worst_clips` shows the cl
 the reasons; `walk_gif` a robot clip as a short animation from the same point of view.
 """
 
+import dataclasses
 import io
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,16 +20,14 @@ from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.viewing.figure import Figure
-from pipeline.viewing.human_figure import human_figure
+from pipeline.viewing.playlist import Shown
 from pipeline.viewing.projection import (
     CONTACT,
     DPI,
-    TriangleArtist,
+    Text,
     Triangles,
-    blank_canvas,
     ground_triangles,
-    one_above_the_other,
-    pixels,
+    picture,
     pose_triangles,
     save_gif,
     with_palette,
@@ -52,47 +50,18 @@ ROBOT_HEIGHT_SHARE = 1.85
 """Height of a standing robot / height of its root link; T1: 1.23 m / .68 m."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Strip:
-    """One clip of a sheet."""
-
-    title: str
-    human: HumanClip | None = None
-    reference: RobotClip | None = None
-    """What a rollout tracked."""
-    robot_clip: RobotClip | None = None
-    note: str = ""
-    """Why it is shown, cut after two lines."""
+LARGE = 105.0
+"""Dots per metre of a sheet of one clip."""
 
 
-def contact_sheet(
-    human: HumanClip | None,
-    robot_clip: RobotClip | None,
-    robot: Robot | None,
-    poses: int = 8,
-    reference: RobotClip | None = None,
-) -> bytes:
-    """PNG of `poses` poses from the first frame to the last of a human clip, of a robot clip or of both, and of what
-    a rollout tracked.
+def contact_sheet(clips: Sequence[Shown], robot: Robot | None, poses: int = 8, dots_per_m: float = 70.0) -> bytes:
+    """PNG of clips, one below the other under name and note: `poses` poses of each from its first frame to the last.
 
-    `robot` is the one that `robot_clip` is for. Raises ValueError when there is nothing to draw.
+    `robot` is the one that the robot clips are for.
     """
-    clip = robot_clip or human
-    if clip is None:
-        raise ValueError("a contact sheet needs a human clip or a robot clip")
-    strip = Strip(title=clip.name, human=human, reference=reference, robot_clip=robot_clip)
-    return worst_clips_sheet([strip], robot, poses, dots_per_m=105)
-
-
-def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int = 8, dots_per_m: float = 70) -> bytes:
-    """PNG of several clips, one below the other, each as in `contact_sheet` under its title."""
     drawn = _Drawing(poses * POSE_WIDTH, dots_per_m)
-    for strip in strips:
-        rows = [human_figure(strip.human)] if strip.human is not None else []
-        for clip, name in ((strip.reference, "reference"), (strip.robot_clip, "")):
-            if clip is not None and robot is not None:
-                rows.append(robot_figure(clip, robot, name))
-        drawn.add_strip(strip, rows, robot, poses)
+    for shown in clips:
+        drawn.add_clip(shown, robot, poses)
     return drawn.png()
 
 
@@ -102,14 +71,15 @@ class _Drawing:
     def __init__(self, width: float, dots_per_m: float) -> None:
         self.width, self.dots_per_m = width, dots_per_m
         self.layers: list[Triangles] = []
-        self.texts: list[tuple[float, float, str, dict]] = []
+        self.texts: list[Text] = []
         self.low = 0.0
 
-    def add_strip(self, strip: Strip, rows: list[Figure], robot: Robot | None, poses: int) -> None:
+    def add_clip(self, shown: Shown, robot: Robot | None, poses: int) -> None:
+        rows = dataclasses.replace(shown, robot=robot).figures()
         duration_s = max((figure.duration_s for figure in rows), default=0.0)
         times_s = np.linspace(0.0, duration_s, poses) if poses > 1 else np.zeros(1)
-        self._add_line(f"{strip.title}, {duration_s:.1f} s", 8.0, "#000000")
-        for line in textwrap.wrap(strip.note, self._room(6.5), max_lines=2, placeholder=" …"):
+        self._add_line(f"{shown.name}, {duration_s:.1f} s", 8.0, "#000000")
+        for line in textwrap.wrap(shown.note, self._room(6.5), max_lines=2, placeholder=" …"):
             self._add_line(line, 6.5, "#8c2d04")
         for figure in rows:
             height = HUMAN_HEIGHT
@@ -148,12 +118,10 @@ class _Drawing:
         """The picture so far."""
         height = max(-self.low, 0.3)
         dots = (self.width * self.dots_per_m, height * self.dots_per_m)
-        canvas, axes = blank_canvas(dots, (0.0, self.width), (-height, 0.0))
-        axes.add_artist(TriangleArtist(one_above_the_other(self.layers)))
-        for x, y, text, style in self.texts:
-            axes.text(x, y, text, parse_math=False, **{"va": "bottom", **style})  # a name may hold a $
+        texts = [(x, y, text, {"va": "bottom", **style}) for x, y, text, style in self.texts]
+        shown = picture(dots, (0.0, self.width), (-height, 0.0), self.layers, texts)
         stream = io.BytesIO()
-        with_palette(pixels(canvas), PALETTE).save(stream, "png")
+        with_palette(shown, PALETTE).save(stream, "png")
         return stream.getvalue()
 
 
@@ -197,14 +165,14 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
         clip = entry_clip(store, entries[row.clip])
         why = next((reason["text"] for reason in row.reasons if reason["effect"] == "rejected"), "")
         strips.append(
-            Strip(
-                title=row.clip,
+            Shown(
+                name=row.clip,
                 note=why,
                 human=clip if isinstance(clip, HumanClip) else None,
                 robot_clip=clip if isinstance(clip, RobotClip) else None,
             )
         )
-    return worst_clips_sheet(strips, robot)
+    return contact_sheet(strips, robot)
 
 
 def _number(value: Any) -> float:
@@ -223,12 +191,10 @@ def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0) -> bytes:
     frames = [figure.frame_at(float(time_s)) for time_s in np.arange(start_s, stop_s, 1.0 / GIF_FPS)] or [0]
     height = ROBOT_HEIGHT_SHARE * robot.default_root_height + 0.1
     heading = float(figure.heading[frames[0]])
-    pictures, dots = [], (1.2 * POSE_WIDTH * GIF_DOTS_PER_M, height * GIF_DOTS_PER_M)
-    for frame in frames:
-        triangles = one_above_the_other([ground_triangles(0.45), pose_triangles(figure, frame, heading)])
-        canvas, axes = blank_canvas(dots, (-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), (-0.12, height - 0.12))
-        axes.add_artist(TriangleArtist(triangles))
-        pictures.append(pixels(canvas))
+    dots = (1.2 * POSE_WIDTH * GIF_DOTS_PER_M, height * GIF_DOTS_PER_M)
+    across, up = (-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), (-0.12, height - 0.12)
+    ground = ground_triangles(0.45)
+    pictures = [picture(dots, across, up, [ground, pose_triangles(figure, frame, heading)]) for frame in frames]
     stream = io.BytesIO()
     save_gif(stream, pictures, GIF_FPS, GIF_COLOURS)
     return stream.getvalue()

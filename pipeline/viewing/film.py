@@ -15,15 +15,7 @@ from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.validation.deployed import Deployed
 from pipeline.viewing.figure import Figure
 from pipeline.viewing.live_walk import TERRAINS, LiveWalk
-from pipeline.viewing.projection import (
-    TriangleArtist,
-    blank_canvas,
-    ground_triangles,
-    one_above_the_other,
-    pixels,
-    pose_triangles,
-    save_gif,
-)
+from pipeline.viewing.projection import Text, Triangles, ground_triangles, picture, pose_triangles, save_gif
 from pipeline.viewing.robot_figure import robot_figure
 
 SUFFIXES = (".mp4", ".gif")
@@ -76,32 +68,29 @@ def write_film(
 
 def _picture(figures: Sequence[Figure], time_s: float, text: str) -> np.ndarray:
     """RGB picture (h, w, 3), both sides even as H.264 wants them."""
-    layers = []
+    layers: list[Triangles] = []
+    texts: list[Text] = []
+    style = {"fontsize": 8, "ha": "center", "color": "#555555"}
     for place, figure in enumerate(figures):
-        frame = figure.frame_at(time_s)
-        shift = np.array([(place + 0.5) * WIDTH_M, 0.0])
-        pose = pose_triangles(figure, frame, figure.first_heading)
-        layers += [ground_triangles(0.45).moved(shift), pose.moved(shift)]
+        across = (place + 0.5) * WIDTH_M
+        pose = pose_triangles(figure, figure.frame_at(time_s), figure.first_heading)
+        layers += [each.moved(np.array([across, 0.0])) for each in (ground_triangles(0.45), pose)]
+        texts.append((across, -0.2, figure.name, style))
+    lines = textwrap.fill(f"{time_s:.2f} s  {text}", LETTERS * len(figures))
+    texts.append((0.03, HEIGHT_M - 0.3, lines, {**style, "ha": "left", "va": "top"}))
     width_m = WIDTH_M * len(figures)
     width, height = (2 * round(size * DOTS_PER_M / 2) for size in (width_m, HEIGHT_M))
-    canvas, axes = blank_canvas((width, height), (0.0, width_m), (-0.25, HEIGHT_M - 0.25))
-    axes.add_artist(TriangleArtist(one_above_the_other(layers)))
-    style = {"fontsize": 8, "ha": "center", "color": "#555555", "parse_math": False}
-    for place, figure in enumerate(figures):
-        axes.text((place + 0.5) * WIDTH_M, -0.2, figure.name, **style)
-    lines = textwrap.fill(f"{time_s:.2f} s  {text}", LETTERS * len(figures))
-    axes.text(0.03, HEIGHT_M - 0.3, lines, **{**style, "ha": "left", "va": "top"})
-    return pixels(canvas)
+    return picture((width, height), (0.0, width_m), (-0.25, HEIGHT_M - 0.25), layers, texts)
 
 
 def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
     writer = None
-    for picture in pictures:
+    for each in pictures:
         if writer is None:
-            size = (picture.shape[1], picture.shape[0])
+            size = (each.shape[1], each.shape[0])
             writer = imageio_ffmpeg.write_frames(str(path), size, fps=fps, macro_block_size=2, quality=7)
             writer.send(None)
-        writer.send(picture)
+        writer.send(each)
     if writer is not None:
         writer.close()
 

@@ -46,7 +46,7 @@ _FOOT = {"left_ankle": 0, "right_ankle": 1}
 
 
 def human_figure(clip: HumanClip) -> Figure:
-    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError for a leg bone never recorded."""
+    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError for a leg that is missing."""
     scale, facing_w = _leg(clip) / LEG, facing_of(clip)
     parts, pos, quat = [], [], []
     for start, stop, radius, color in BONES:

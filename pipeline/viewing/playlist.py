@@ -30,6 +30,8 @@ class Shown:
     """The robot that `robot_clip` is for."""
     text: str = ""
     """Its facts, in Markdown."""
+    note: str = ""
+    """Why it is on a sheet of clips, cut after two lines there."""
     marks: Mapping[str, float] = field(default_factory=dict)
     """Failures of a log in order, and their times [s]."""
     line_at: Callable[[float], str] | None = None

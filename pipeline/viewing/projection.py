@@ -4,11 +4,11 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
@@ -114,32 +114,38 @@ def _painted(triangles: Float[np.ndarray, "n 3 3"], colors: Float[np.ndarray, "n
     return Triangles(corners=project(triangles[order]), colors=shaded)
 
 
-def blank_canvas(
-    dots: tuple[float, float], across: tuple[float, float], up: tuple[float, float]
-) -> tuple[Canvas, Axes]:
-    """A canvas of `dots` (width, height) without margins, and its axes over the ranges `across` and `up` [m]."""
+Text = tuple[float, float, str, dict[str, Any]]
+"""Place [m], text and style."""
+
+
+def picture(
+    dots: tuple[float, float],
+    across: tuple[float, float],
+    up: tuple[float, float],
+    layers: Sequence[Triangles],
+    texts: Sequence[Text] = (),
+) -> np.ndarray:
+    """RGB picture (h, w, 3) of `dots` (width, height) without margins over the ranges `across` and `up` [m]."""
     canvas = Canvas(figsize=(dots[0] / DPI, dots[1] / DPI), dpi=DPI)
     axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
     axes.set(xlim=across, ylim=up)
-    return canvas, axes
-
-
-def pixels(canvas: Canvas) -> np.ndarray:
-    """RGB picture (h, w, 3) of a canvas."""
+    axes.add_artist(TriangleArtist(one_above_the_other(layers)))
+    for x, y, text, style in texts:
+        axes.text(x, y, text, parse_math=False, **style)  # a name may hold a $
     agg = FigureCanvasAgg(canvas)
     agg.draw()
     return np.ascontiguousarray(np.asarray(agg.buffer_rgba())[..., :3])
 
 
-def with_palette(picture: np.ndarray, colours: int) -> Image.Image:
+def with_palette(pixels: np.ndarray, colours: int) -> Image.Image:
     """An RGB picture with a palette of its own: a third of the size of full colour. Same picture, same bytes."""
-    return Image.fromarray(picture).quantize(colours, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    return Image.fromarray(pixels).quantize(colours, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
 
 def save_gif(target: Path | io.BytesIO, pictures: Iterable[np.ndarray], fps: float, colours: int) -> None:
     """Write RGB pictures as a GIF that repeats for ever."""
-    first, *others = [with_palette(picture, colours) for picture in pictures]
+    first, *others = [with_palette(each, colours) for each in pictures]
     first.save(target, "gif", save_all=True, append_images=others, duration=round(1000 / fps), loop=0, optimize=False)
 
 

@@ -10,7 +10,8 @@ from pipeline.batch import Entry, Judged, Manifest, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
-from pipeline.viewing.contact_sheet import Strip, entry_clip, worst_clips_sheet
+from pipeline.viewing.contact_sheet import contact_sheet, entry_clip
+from pipeline.viewing.playlist import Shown
 from pipeline.viewing.plots import labelled, png
 
 SHOWN_S = 1.0
@@ -99,18 +100,18 @@ def worst_tracked(
         for row in rows
         if row.clip in motions
     ]
-    return worst_clips_sheet(strips, robot)
+    return contact_sheet(strips, robot)
 
 
-def _strip(row: Judged, reference: RobotClip, rollout: RobotClip) -> Strip:
+def _strip(row: Judged, reference: RobotClip, rollout: RobotClip) -> Shown:
     """A reference and its rollout up to the last frame of it, or around the moment of the largest error."""
     failing = next((str(reason["text"]) for reason in row.reasons if reason["code"] == NOT_TRACKED), None)
     at_s = (rollout.frame_count - 1) / rollout.fps if failing else float(row.numbers.get("worst_at_s") or 0.0)
     start = max(round((at_s - SHOWN_S) * rollout.fps), 0)
     stop = min(round((at_s + SHOWN_S) * rollout.fps) + 1, rollout.frame_count)
     start_s, stop_s = start / rollout.fps, (stop - 1) / rollout.fps
-    return Strip(
-        title=f"{row.clip} from {start_s:.2f} to {stop_s:.2f} s",
+    return Shown(
+        name=f"{row.clip} from {start_s:.2f} to {stop_s:.2f} s",
         note=failing or f"furthest off at {at_s:.2f} s: {_cm(row):.1f} cm, followed to its end",
         reference=reference.cut(start, stop, reference.name),
         robot_clip=rollout.cut(start, stop, rollout.name),

@@ -40,8 +40,10 @@ def test_findings_come_back_as_they_were(rows):
 
 
 def test_a_number_that_is_not_finite_is_refused():
-    with pytest.raises(ValueError, match="not finite"):
-        shard_of(Entry, [Entry(clip="a", blob="", numbers={"speed": float("nan")})])
+    rows = [Entry(clip="a", blob="", numbers={"speed": speed}) for speed in (1.0, float("nan"))]
+    rows[1] = Entry(clip="b", blob="", numbers=rows[1].numbers)
+    with pytest.raises(ValueError, match="clip 'b': the number 'speed' is not finite"):
+        shard_of(Entry, rows)
 
 
 def test_a_number_may_not_be_named_like_a_column():

@@ -13,10 +13,11 @@ from pathlib import Path
 import lz4.frame
 import numpy as np
 import zstandard
+from mcap.opcode import Opcode
 
 from pipeline.hardware_logs import RobotLog, Storage, mcap_bytes
 from pipeline.hardware_logs.log_facts import to_metadata
-from pipeline.hardware_logs.mcap_chunk import CHUNK, CHUNK_HEAD, HEADER, MAGIC, RECORD_HEAD
+from pipeline.hardware_logs.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
 from pipeline.hardware_logs.robot_log import METADATA
 from pipeline.hardware_logs.write import payloads
@@ -160,14 +161,18 @@ def bomb(clean: Clean, rng: np.random.Generator, index: int) -> Damaged:
         ("zstd", 1 << 60, 100),
     )
     if index % 6 == 5:
-        data = MAGIC + record(HEADER, text("ros2") + text("")) + RECORD_HEAD.pack(CHUNK, int(rng.integers(1, 1 << 62)))
+        data = (
+            MAGIC
+            + record(Opcode.HEADER, text("ros2") + text(""))
+            + RECORD_HEAD.pack(Opcode.CHUNK, int(rng.integers(1, 1 << 62)))
+        )
         return Damaged("bomb", ".mcap", data + rng.bytes(1_000), True)
     kind, size, zeros = stored[index % 6]
     packed = compressed_zeros(kind, zeros)
     content = CHUNK_HEAD.pack(START_NS, START_NS + 1, size, 0 if index % 2 else 1) + text(kind)
-    chunk = record(CHUNK, content + len(packed).to_bytes(8, "little") + packed)
+    chunk = record(Opcode.CHUNK, content + len(packed).to_bytes(8, "little") + packed)
     good = clean.files[CHECKED[0]]
-    place = len(MAGIC) + len(record(HEADER, text("ros2") + text("booster-lab")))
+    place = len(MAGIC) + len(record(Opcode.HEADER, text("ros2") + text("booster-lab")))
     return Damaged("bomb", ".mcap", good[:place] + chunk * (1 + index % 3) + good[place:], True)
 
 

@@ -19,7 +19,7 @@ from pipeline.files import settings
 from pipeline.files.npz import read_npz_header
 from pipeline.hardware_logs import LogSettings, mcap_reader
 from pipeline.hardware_logs.decode import JointCount, TopicDecoder
-from pipeline.hardware_logs.mcap_channels import Channel, Schema
+from pipeline.hardware_logs.mcap_records import Channel, Schema
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
 from pipeline.readers.restricted_pickle import load_pickle, load_torch
 from tests.factories.interrupted import WORKS

@@ -5,7 +5,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pipeline.hardware_logs.decode import SEQUENCES, JointCount, TopicDecoder
-from pipeline.hardware_logs.mcap_channels import Channel, Schema
+from pipeline.hardware_logs.mcap_records import Channel, Schema
 from pipeline.hardware_logs.messages import (
     ENCAPSULATION,
     MESSAGES,

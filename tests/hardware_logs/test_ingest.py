@@ -5,6 +5,7 @@ import sqlite3
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 
 from pipeline.files import settings
 from pipeline.hardware_logs import (
@@ -19,7 +20,7 @@ from pipeline.hardware_logs import (
     write_mcap,
 )
 from pipeline.hardware_logs.log_report import Bounds
-from pipeline.hardware_logs.mcap_chunk import DATA_END, RECORD_HEAD
+from pipeline.hardware_logs.mcap_records import RECORD_HEAD
 from pipeline.hardware_logs.missed_bars import MissedBar, note_of
 from pipeline.robot import load_robot
 from tests.factories.mcap_writer import FASTWRITE
@@ -108,7 +109,7 @@ def test_a_checksum_of_the_whole_verifies_what_has_none_of_its_own(robot, read):
     import zlib
 
     data = bytearray(mcap_bytes(robot_log(robot, 0.5), FASTWRITE))
-    at = data.index(RECORD_HEAD.pack(DATA_END, 4))
+    at = data.index(RECORD_HEAD.pack(Opcode.DATA_END, 4))
     data[at + 9 : at + 13] = zlib.crc32(bytes(data[:at])).to_bytes(4, "little")
     (trial,) = read(bytes(data))
     assert trial.integrity == "complete"

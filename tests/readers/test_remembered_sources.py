@@ -122,10 +122,10 @@ RECORDED = {"name": "a", "folder": "/a", "named_in": "data/sources.yaml", "files
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"path": "/b"}, "unknown key '[0].path', there are: name, folder, named_in, files"),
-        ({"files": "1"}, "'[0].files' is '1', wanted int"),
-        ({"files": -1}, "'[0].files' is -1, allowed is at least 0"),
-        ({"named_in": "x"}, "'[0].named_in' is 'x', there are: data/sources.yaml, BOOSTER_LAB_MOTIONS"),
+        ({"path": "/b"}, "unknown key 'sources[0].path', there are: name, folder, named_in, files"),
+        ({"files": "1"}, "'sources[0].files' is '1', wanted int"),
+        ({"files": -1}, "'sources[0].files' is -1, allowed is at least 0"),
+        ({"named_in": "x"}, "'sources[0].named_in' is 'x', there are: data/sources.yaml, BOOSTER_LAB_MOTIONS"),
     ],
 )
 def test_a_fault_in_the_record_is_a_plain_sentence(tmp_path, change, told):

@@ -16,7 +16,8 @@ from pipeline.repair.detect import detect
 from pipeline.repair.frozen import Hold, Limits, aligned, find_holds
 from tests.factories.human_clips import walker
 
-LIMITS = Limits(step=1e-6, jump=0.003, short=0.05, entering=0.2, frames=3, longest=200.0, excursion=40.0)
+STILL_STEP = 1e-6
+LIMITS = Limits(jump=0.003, short=0.05, entering=0.2, frames=3, longest=200.0, excursion=40.0)
 PERIOD, REST = 100, 30
 """Frames of a joint's bend, and of them those at rest."""
 
@@ -40,7 +41,7 @@ def holds_of(value: np.ndarray, unknown: np.ndarray | None = None) -> list[tuple
     jump = np.minimum(np.abs(step - np.median(around, axis=0)), np.abs(step - (around[1] + around[3]) / 2.0))
     jump[[0, -1]] = 0.0
     unknown = np.zeros(len(value), dtype=bool) if unknown is None else unknown
-    found = find_holds(np.abs(step) < LIMITS.step, value, jump, unknown, LIMITS)
+    found = find_holds(np.abs(step) < STILL_STEP, value, jump, unknown, LIMITS)
     return [(one.start, one.stop, one.entered) for one in found]
 
 

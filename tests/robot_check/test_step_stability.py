@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import mujoco
 import numpy as np
@@ -40,3 +41,20 @@ def test_it_agrees_with_the_simulation(robot: Robot, kd: float, shakes: bool):
     changed = with_damping(robot, kd)
     assert (growth(changed) > 1.0) == shakes
     assert [ELBOW in finding.text for finding in step_stability(changed)] == [True] * shakes
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(50.0, 15.0), (4000.0, 2.5), (9000.0, 0.5)])
+def test_the_gains_that_it_advises_do_not_shake(robot: Robot, kp: float, kd: float):
+    joint = robot.joint_names.index(ELBOW)
+
+    def findings(stiffness: float, damping: float) -> list[str]:
+        changed = with_damping(robot, damping)
+        gains = changed.kp.copy()
+        gains[joint] = stiffness
+        return [finding.text for finding in step_stability(dataclasses.replace(changed, kp=gains))]
+
+    (text,) = findings(kp, kd)
+    found = re.search(r"lower kd to ([\d.e+]+) N m s/rad|lower kp below ([\d.e+]+) N m/rad", text)
+    assert found, text
+    damping, stiffness = found.groups()
+    assert findings(kp, float(damping)) == [] if damping else findings(float(stiffness), 0.0) == []

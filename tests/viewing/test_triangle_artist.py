@@ -8,6 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pipeline.viewing.contact_sheet import contact_sheet
+from pipeline.viewing.playlist import Shown
 from pipeline.viewing.projection import TriangleArtist, Triangles, one_above_the_other
 from tests.factories.figures import gliding_human, tumbling_robot
 
@@ -69,11 +70,11 @@ def test_moved_ones_keep_their_colours():
 
 
 def test_a_sheet_needs_no_object_a_triangle(robot):
-    human, clip = gliding_human(), tumbling_robot(robot)
-    contact_sheet(human, clip, robot)
+    shown = [Shown(name="walk", human=gliding_human(), robot_clip=tumbling_robot(robot))]
+    contact_sheet(shown, robot, dots_per_m=105)
     tracemalloc.start()
     try:
-        contact_sheet(human, clip, robot)
+        contact_sheet(shown, robot, dots_per_m=105)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

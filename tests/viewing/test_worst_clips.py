@@ -36,10 +36,10 @@ def test_the_worst_come_first_one_of_each_family_with_its_reason(stages, robot, 
     titles = []
 
     def listed(strips, robot) -> bytes:
-        titles.extend((strip.title, strip.note) for strip in strips)
+        titles.extend((strip.name, strip.note) for strip in strips)
         return b""
 
-    monkeypatch.setattr(module, "worst_clips_sheet", listed)
+    monkeypatch.setattr(module, "contact_sheet", listed)
     module.worst_clips(*stages, robot, most=2)
     assert titles == [("b~mirror", "too heavy for b~mirror"), ("d", "too heavy for d")]
 

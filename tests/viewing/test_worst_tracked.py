@@ -10,7 +10,8 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
 from pipeline.viewing import tracking_plots as module
-from pipeline.viewing.contact_sheet import Strip, worst_clips_sheet
+from pipeline.viewing.contact_sheet import contact_sheet
+from pipeline.viewing.playlist import Shown
 from pipeline.viewing.tracking_plots import worst_tracked
 from tests.factories.robot_clips import standing
 
@@ -60,15 +61,15 @@ def tracked(tmp_path, robot: Robot):
     )
 
 
-def strips_of(tracked, robot: Robot, monkeypatch, most: int = 5) -> tuple[list[Strip], list[str], bytes]:
+def strips_of(tracked, robot: Robot, monkeypatch, most: int = 5) -> tuple[list[Shown], list[str], bytes]:
     """What is drawn, which references were rolled out again, and the picture."""
     rollouts, references, store = tracked
-    strips: list[Strip] = []
+    strips: list[Shown] = []
     asked: list[str] = []
 
     def listed(drawn, robot) -> bytes:
         strips.extend(drawn)
-        return worst_clips_sheet(drawn, robot)
+        return contact_sheet(drawn, robot)
 
     def to_failure(entries) -> Manifest:
         asked.extend(entry.clip for entry in entries)
@@ -76,14 +77,14 @@ def strips_of(tracked, robot: Robot, monkeypatch, most: int = 5) -> tuple[list[S
         made = tuple(dataclasses.replace(entry, blob=store.put_clip(motion)) for entry in entries)
         return Manifest(stage="motion to failure", entries=made, judged=())
 
-    monkeypatch.setattr(module, "worst_clips_sheet", listed)
+    monkeypatch.setattr(module, "contact_sheet", listed)
     return strips, asked, worst_tracked(rollouts, references, to_failure, store, robot, most)
 
 
 def test_the_robot_is_shown_up_to_the_frame_at_which_it_fails(tracked, robot: Robot, monkeypatch):
     strips, asked, picture = strips_of(tracked, robot, monkeypatch)
     strip = strips[0]
-    assert (strip.title, strip.note) == ("failing from 1.00 to 2.00 s", "it falls")
+    assert (strip.name, strip.note) == ("failing from 1.00 to 2.00 s", "it falls")
     assert strip.robot_clip is not None and strip.reference is not None
     assert strip.robot_clip.frame_count == strip.reference.frame_count == 51
     sunk = strip.reference.root_pos_w[:, 2] - strip.robot_clip.root_pos_w[:, 2]
@@ -94,9 +95,9 @@ def test_the_robot_is_shown_up_to_the_frame_at_which_it_fails(tracked, robot: Ro
 
 def test_others_are_shown_where_they_are_furthest_off_one_of_each_family(tracked, robot: Robot, monkeypatch):
     strips, _, _ = strips_of(tracked, robot, monkeypatch)
-    assert [strip.title.split()[0] for strip in strips] == ["failing", "far~mirror", "near"]
+    assert [strip.name.split()[0] for strip in strips] == ["failing", "far~mirror", "near"]
     strip = strips[1]
-    assert "from 2.00 to 3.98 s" in strip.title and strip.note.startswith("furthest off at 3.00 s: 30.0 cm")
+    assert "from 2.00 to 3.98 s" in strip.name and strip.note.startswith("furthest off at 3.00 s: 30.0 cm")
     assert strip.robot_clip is not None and strip.robot_clip.root_pos_w[50, 2] < strip.robot_clip.root_pos_w[0, 2]
 
 
