@@ -82,6 +82,8 @@ class Corrected:
     clip: HumanClip | RobotClip
     times_stored: int
     """How often the file stores each frame."""
+    first_frame: int
+    """Frame of the file that is the clip's first."""
     time_base: TimeBase | None
     """How the rate was checked; None for a robot, whose gait and size are not a person's."""
     person: Person | None
@@ -110,6 +112,7 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
     return Corrected(
         clip=clip,
         times_stored=times,
+        first_frame=first,
         time_base=time_base,
         person=person,
         reasons=tuple(reasons),

@@ -9,9 +9,8 @@ from typing import Any
 from pipeline.files import digest
 from pipeline.hardware_logs import missed_bars
 from pipeline.hardware_logs.bag_reader import BagReader
-from pipeline.hardware_logs.layout import LogSettings, layouts
 from pipeline.hardware_logs.log_facts import FactsError, StatedFacts, stated_facts
-from pipeline.hardware_logs.log_report import LogReport
+from pipeline.hardware_logs.log_report import LogReport, LogSettings, layouts
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.message_flow import MessageFlow
 from pipeline.hardware_logs.regular import OpenTrial, TrialFiles

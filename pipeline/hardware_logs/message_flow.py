@@ -8,9 +8,8 @@ from pipeline.errors import PipelineError
 from pipeline.hardware_logs.bag_reader import BagReader
 from pipeline.hardware_logs.columns import Columns, CommandSource, held_columns, low_state_columns, taken
 from pipeline.hardware_logs.decode import JointCount, SchemaError, TopicDecoder
-from pipeline.hardware_logs.layout import LogSettings
 from pipeline.hardware_logs.log_facts import StatedFacts
-from pipeline.hardware_logs.log_report import LogReport, Loss, stretches
+from pipeline.hardware_logs.log_report import LogReport, LogSettings, Loss, stretches
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.mcap_records import Records
 from pipeline.hardware_logs.messages import TOPICS

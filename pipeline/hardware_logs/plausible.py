@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 
 from pipeline.hardware_logs.columns import LINEAR, Columns
-from pipeline.hardware_logs.layout import PlausibleSettings
+from pipeline.hardware_logs.log_report import PlausibleSettings
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Int
 
 from pipeline.hardware_logs.columns import HELD, LINEAR, PREVIOUS, Columns, HeldTopic, joined, taken
-from pipeline.hardware_logs.layout import TimeSettings
+from pipeline.hardware_logs.log_report import TimeSettings
 from pipeline.hardware_logs.robot_log import OperatorEvent
 from pipeline.hardware_logs.trial import Gap, TrialWriter
 

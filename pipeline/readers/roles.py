@@ -112,18 +112,15 @@ def find_roles(names: Sequence[str], parents: Sequence[int], rest_offset: Float[
                 if limbs[upper] not in _ancestors(parents, limbs[lower]):
                     faults.append(f"'{names[limbs[lower]]}' does not descend from '{names[limbs[upper]]}'")
     head = _head(names, parents)
-    if head is not None:
-        joints["head"] = head
-    hips = [limbs[f"{side}_hip"] for side in FEET if f"{side}_hip" in limbs]
-    shoulders = [limbs[f"{side}_shoulder"] for side in FEET if f"{side}_shoulder" in limbs]
-    if len(hips) == 2:
-        pelvis = _common(parents, hips)
-        if pelvis is not None:
-            joints["pelvis"] = pelvis
-    if len(shoulders) == 2 and head is not None:
-        chest = _common(parents, [*shoulders, head])
-        if chest is not None:
-            joints["chest"] = chest
+    hips, shoulders = (
+        [limbs[f"{side}_{part}"] for side in FEET if f"{side}_{part}" in limbs] for part in ("hip", "shoulder")
+    )
+    found = {
+        "head": head,
+        "pelvis": _common(parents, hips) if len(hips) == 2 else None,
+        "chest": _common(parents, [*shoulders, head]) if len(shoulders) == 2 and head is not None else None,
+    }
+    joints |= {body: joint for body, joint in found.items() if joint is not None}
     if {"pelvis", "chest", "head"} <= joints.keys():
         faults += _trunk(joints, names, parents, rest_offset)
     missing = tuple(body for body in BODIES if body not in joints)

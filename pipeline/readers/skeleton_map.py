@@ -68,12 +68,9 @@ class SkeletonMap:
 
     def fits(self, motion: RawMotion) -> bool:
         """Every joint is there, and the rest offsets that the map states are the motion's (1 %)."""
-        if not self.joints <= set(motion.joint_names):
-            return False
-        found = [motion.rest_offset[motion.joint_names.index(joint)] for joint in self.rest]
-        return all(
-            np.allclose(got, want, atol=0.01 * np.linalg.norm(want))
-            for got, want in zip(found, self.rest.values(), strict=True)
+        place = dict(zip(motion.joint_names, motion.rest_offset, strict=True))
+        return self.joints <= place.keys() and all(
+            np.allclose(place[joint], want, atol=0.01 * np.linalg.norm(want)) for joint, want in self.rest.items()
         )
 
     @functools.cached_property

@@ -243,7 +243,7 @@ def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
     joints, pos, quat = clip.joint_pos.copy(), clip.root_pos_w.copy(), clip.root_quat_w.copy()
     gathered = []
     for one, filled in zip(_quantities(clip), [*joints.T[:, :, None], pos, quat], strict=True):
-        for start, stop in _spikes(one.size, one.values, clip.fps, one.least):
+        for start, stop in _spikes(one, clip.fps):
             made, there = _bridge(one.values, start, stop), one.values[start:stop]
             if filled is quat:
                 made = rotation.normalize(made)
@@ -263,16 +263,15 @@ def find_dropouts(clip: RobotClip, longest_s: float) -> list[Dropout]:
     found = [
         Dropout(start=start, stop=stop, what=one.what, size=step, unit=one.unit)
         for one in _quantities(clip)
-        for start, stop, step in _dropouts(one.size, one.values, clip.fps, LEAST_STEPS[one.unit], longest)
+        for start, stop, step in _dropouts(one, clip.fps, longest)
     ]
     return sorted(found, key=lambda dropout: (dropout.start, dropout.stop, dropout.what))
 
 
-def _dropouts(
-    size: Callable[[np.ndarray], np.ndarray], values: Float[np.ndarray, "t d"], fps: float, least: float, longest: int
-) -> list[tuple[int, int, float]]:
-    """First frame, frame after the last and largest step of each dropout of a quantity; `size` measures a change."""
-    steps = np.diff(values, axis=0)  # steps[i] leads from frame i to i + 1
+def _dropouts(one: Quantity, fps: float, longest: int) -> list[tuple[int, int, float]]:
+    """First frame, frame after the last and largest step of each dropout of a quantity."""
+    size, least = one.size, LEAST_STEPS[one.unit]
+    steps = np.diff(one.values, axis=0)  # steps[i] leads from frame i to i + 1
     if len(steps) < LONGEST + 3:
         return []
     sizes = np.nan_to_num(np.asarray(size(steps)).reshape(len(steps)))
@@ -305,8 +304,9 @@ def _quat_angle(change: Float[np.ndarray, "t 4"]) -> Float[np.ndarray, " t"]:
     return 2.0 * np.linalg.norm(change, axis=-1)
 
 
-def _spikes(size, values: Float[np.ndarray, "t d"], fps: float, least: float) -> list[tuple[int, int]]:
-    """Stretches [start, stop) of one or two frames that are spikes of a quantity, whose change `size` measures."""
+def _spikes(one: Quantity, fps: float) -> list[tuple[int, int]]:
+    """Stretches [start, stop) of one or two frames that are spikes of a quantity."""
+    size, values = one.size, one.values
     count = len(values)
     found: list[tuple[int, int]] = []
     taken = np.zeros(count, dtype=bool)
@@ -318,7 +318,7 @@ def _spikes(size, values: Float[np.ndarray, "t d"], fps: float, least: float) ->
         gaps = [size(values[starts + place] - _cubic(values, starts, length, place)) for place in range(length)]
         off[starts] = np.nan_to_num(np.min([np.asarray(gap).reshape(len(starts)) for gap in gaps], axis=0))
         usual = median_filter(off, size=2 * max(3, round(NEAR_S * fps)) + 1, mode="mirror")
-        peak = _peaks(off) & (off > np.maximum(least, TIMES_USUAL * usual)) & (off > 0.0)
+        peak = _peaks(off) & (off > np.maximum(one.least, TIMES_USUAL * usual)) & (off > 0.0)
         for start in np.flatnonzero(peak).tolist():
             around = slice(max(start - 2, 0), start + length + 2)
             if not taken[around].any() and _comes_back(size, values, start, length, float(off[start])):

@@ -20,6 +20,7 @@ from pipeline.deployment import DeploymentTask, PolicyController, load_policy  #
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope  # noqa: E402
 
 SCHEMA = "booster-lab webots result 1"
+FIGURES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
 RESULT_MARK = "BOOSTER_LAB_RESULT "
 
 
@@ -112,12 +113,11 @@ class Score:
 
     def segments(self, time_s: float) -> list[dict[str, Any]]:
         """One row per segment; figures are None if the segment was not walked to its end."""
-        names = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
         rows = []
         for segment, end, sums in zip(self.plan.segments, self.plan.ends, self.sums, strict=True):
             walked = bool(time_s >= end - 1e-6 and sums[4] > 0.0)
             means = (sums[:4] / sums[4]).tolist() if walked else [None] * 4
-            rows.append({"name": segment["name"], "walked": walked, **dict(zip(names, means, strict=True))})
+            rows.append({"name": segment["name"], "walked": walked, **dict(zip(FIGURES, means, strict=True))})
         return rows
 
 

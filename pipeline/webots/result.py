@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pipeline.errors import PipelineError
 from pipeline.files.ranges import POSITIVE, Range, check
 from pipeline.simulation.run import Segment
-from pipeline.webots.booster_lab import SCHEMA
+from pipeline.webots.booster_lab import FIGURES, SCHEMA
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,6 @@ class WebotsSettings:
         )
 
 
-FIGURES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
 MAX_CHARACTERS = 1_000_000
 MOST = 1e9
 """Largest magnitude that a number may have."""

@@ -6,7 +6,7 @@ import pytest
 from pipeline.files import settings
 from pipeline.hardware_logs import LogSettings
 from pipeline.hardware_logs.columns import low_state_columns
-from pipeline.hardware_logs.layout import layouts
+from pipeline.hardware_logs.log_report import layouts
 from pipeline.hardware_logs.plausible import Plausible
 from pipeline.hardware_logs.write import low_states as payloads
 from pipeline.robot import load_robot

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.hardware_logs.columns import LINEAR, PREVIOUS
-from pipeline.hardware_logs.layout import TimeSettings
-from pipeline.hardware_logs.log_report import stretches
+from pipeline.hardware_logs.log_report import TimeSettings, stretches
 from pipeline.hardware_logs.regular import LOST, SILENT, Block, Regular, Stretched
 
 SETTINGS = TimeSettings(rate_hz=500.0, bridge_s=0.02, split_s=1.0, disorder_s=0.05, min_s=0.2)
