@@ -79,7 +79,10 @@ def _graph() -> dg.Definitions:
 def stale_now(
     instance: dg.DagsterInstance, project: Project, forced: Mapping[dg.AssetKey, str] | None = None
 ) -> dict[dg.AssetKey, str]:
-    """Every stale asset and why, upstream first; files from outside are read again. `forced` are stale whatever is."""
+    """Every stale asset with the reason, upstream first; external files are read again.
+
+    `forced`: assets to treat as stale in any case, with the reason.
+    """
     external = note_external(instance, project)
     return stale_reasons(instance, project, plans(project), _parents(), external, forced or {})
 

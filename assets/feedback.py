@@ -39,13 +39,14 @@ class FeedbackPage:
 
     proposal: Proposal
     approvals: Approvals
-    refused: Sequence[Change] = ()
-    """What a person declined, proposed now or not."""
+    declined_changes: Sequence[Change] = ()
+    """Every change that a person declined, proposed now or not."""
 
     @property
     def declined(self) -> list[Change]:
-        """What is proposed and a person declined."""
-        return [each for each in self.proposal.changes if each in self.refused and each not in self.approvals.changes]
+        """The proposed changes that a person declined and has not approved since."""
+        known, approved = self.declined_changes, self.approvals.changes
+        return [each for each in self.proposal.changes if each in known and each not in approved]
 
     @property
     def pending(self) -> list[Change]:
@@ -155,7 +156,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     ensure_token(PROJECT)
     approvals = PROJECT.feedback.approvals()
     declined = PROJECT.feedback.declined_changes()
-    page = FeedbackPage(proposal=proposal, approvals=approvals, refused=declined)
+    page = FeedbackPage(proposal=proposal, approvals=approvals, declined_changes=declined)
     check = check_result(FEEDBACK, NOTHING_PENDING, page.nothing_waits, page.sentence())
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
     shown = {PAGE_TAG: shown_state(approvals, declined)}

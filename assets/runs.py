@@ -75,8 +75,14 @@ class RecentRuns:
     last_run: str
     """Id of the newest; empty where there is none."""
 
-    def against_another(self, what: str, most: int, by_hand: str) -> str:
-        """Why no run is started now for `what`; empty where one may be. `by_hand`: what a person can do."""
+    def why_not_now(self, what: str, most: int, by_hand: str) -> str:
+        """Why no run is started now for `what`; empty if one may start.
+
+        Args:
+            what: what the run is for, in the sentence
+            most: failed runs in a row after which none is started
+            by_hand: what a person can do
+        """
         if self.running:
             return f"a run was started for {what}"
         if self.cancelled:

@@ -44,7 +44,7 @@ def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunReques
         return None
     runs = dg.RunsFilter(job_name=renew_feedback_page.name)
     found = recent_runs(instance, project, runs, lambda run: run.tags.get(PAGE_TAG) == state)
-    if found.against_another("the page", MAX_FAILURES, ""):
+    if found.why_not_now("the page", MAX_FAILURES, ""):
         return None
     return dg.RunRequest(job_name=renew_feedback_page.name, tags={PAGE_TAG: state})
 
@@ -119,7 +119,7 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
     mark = {APPROVED_TAG: state[:FINGERPRINT_DIGITS]}
     runs = dg.RunsFilter(job_name=recurate.name)  # the databases are still behind: each run that ended counts as failed
     found = recent_runs(instance, project, runs, lambda run: run.tags.get(APPROVED_TAG) == mark[APPROVED_TAG])
-    why = found.against_another(f"what is approved now ({reasons})", most, "start the job recurate by hand")
+    why = found.why_not_now(f"what is approved now ({reasons})", most, "start the job recurate by hand")
     if why:
         return dg.SkipReason(why)
     return dg.RunRequest(job_name=recurate.name, asset_selection=sorted(late), tags=mark)
@@ -180,7 +180,7 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
     found = recent_runs(context.instance, PROJECT, runs, lambda run: not run.is_success)
     if known and not found.running and not found.failures:
         return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
-    why = found.against_another(f"these {count} logs", MAX_FAILURES, "start the job ingest_logs by hand")
+    why = found.why_not_now(f"these {count} logs", MAX_FAILURES, "start the job ingest_logs by hand")
     if why:
         return dg.SkipReason(why)
     try:

@@ -80,7 +80,16 @@ class Run:
 
 
 def run_in(folder: Path, bundle: Path, module: str, gpus: int, *more: str, **options: Any) -> Run:
-    """The run of a module in a folder, with `options` and what comes behind them."""
+    """The run of a module.
+
+    Args:
+        folder: folder of its output
+        bundle: folder of its training bundle
+        module: module to start
+        gpus: number of GPUs; a process each
+        more: further arguments, after the options, as they are
+        options: options as keywords: `device="cpu"` becomes `--device cpu`; `device` is required
+    """
     given = {"bundle": bundle, "out": folder, **options}
     words = [text for name, value in given.items() for text in (f"--{name.replace('_', '-')}", str(value))]
     command = (*started_module(module, gpus), *words, *more)

@@ -122,9 +122,18 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, rob
 
 
 def _scaled(piece: Piece, faster: RobotClip, scale: float, parent: str, robot: Robot) -> Piece:
-    """The piece at another speed, of which `faster` is the original: of a mirror image it is the mirror image.
+    """The piece at another speed.
 
-    Splines overshoot where a joint rests at its limit: what they pass it by is cut.
+    `faster` is the clip that is not mirrored, at that speed; it is mirrored here for a mirrored piece. Splines
+    overshoot where a joint rests at its limit, so joint positions are clipped to the limits, or to the range of the
+    piece where that is wider.
+
+    Args:
+        piece: original or mirrored piece at its own speed
+        faster: the original clip, time-scaled
+        scale: speed over the original's
+        parent: name of the original clip
+        robot: robot of the clip
     """
     clip, name = piece.clip, f"{piece.clip.name}~x{scale:g}"
     assert isinstance(clip, RobotClip)

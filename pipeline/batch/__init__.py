@@ -6,5 +6,3 @@ from pipeline.batch.rows import Entry, Judged
 from pipeline.batch.run import Stage, run_files, run_stage
 from pipeline.batch.shard import Rows, changed
 from pipeline.batch.store import Store
-
-__all__ = ["ClipPool", "Entry", "Judged", "Manifest", "Rows", "Stage", "Store", "changed", "run_files", "run_stage"]

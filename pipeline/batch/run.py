@@ -97,8 +97,7 @@ class _Part:
     clips: Callable[[], Sequence[str]]
     """Names of what is asked about."""
     jobs: Callable[[Sequence[str]], list[_Job]]
-    """The questions, in the order of their names, by their keys where these are known: they take longer than the rest
-    to work out."""
+    """Makes the jobs, sorted by clip name. Pass their memo keys if known: computing these takes most of the time."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,15 @@ from pipeline.readers import ReadMotion, Source, read_motion, read_reference, re
 
 
 def catalogue_file(path: Path, name: str, source: Source, within: str, *, settings: CatalogSettings) -> Outcome:
-    """Read a source's file, `within` its folder, as the clip `name` and catalogue it. Raises FileError."""
+    """Read a source's file as a clip and catalogue it. Raises FileError for what can't or must not be read.
+
+    Args:
+        path: the file
+        name: name of its clip
+        source: the source it belongs to, with licence and statements
+        within: path of the file relative to the source's folder, recorded with the clip
+        settings: limits and windows of the catalogue
+    """
     refuse_outside_link(path, source.folder)
     statement = source.statement_of(path)
     read = read_motion(path, name, statement)

@@ -137,10 +137,18 @@ def export_database(
     skills: Sequence[str] = (),
     naming: str | None = None,
 ) -> int:
-    """Write the clips of a database, or those of some skills, into the folder `out`; how many.
+    """Write the clips of a database into a folder and return their number.
 
-    `kind` is one of `FORMATS`; `naming` a column of the robot's aliases.csv that joints are called by. Raises
-    DatabaseError for a database that is not whole, UnknownNameError for a skill, PipelineError for a missing package.
+    Args:
+        database: folder of the database
+        kind: one of `FORMATS`
+        robots: returns the robot of a name
+        out: folder to write into
+        skills: skills to export; all if empty
+        naming: column of the robot's aliases.csv with the joint names to write; None: the robot's own names
+
+    Raises DatabaseError for a database that is not whole, UnknownNameError for a skill that it does not have, and
+    PipelineError for a missing package.
     """
     contents = check_database(database)
     known = sorted(set(contents.index["skill"]))

@@ -10,6 +10,7 @@ from pipeline.errors import PipelineError
 
 def frame(
     task: DeploymentTask,
+    *,
     gyro_b: Float[np.ndarray, " 3"],
     gravity_b: Float[np.ndarray, " 3"],
     command: Float[np.ndarray, " 3"],
@@ -17,10 +18,16 @@ def frame(
     joint_vel: Float[np.ndarray, " j"],
     last_action: Float[np.ndarray, " a"],
 ) -> Float[np.ndarray, " f"]:
-    """One frame: gyro (of the root in its frame) [rad/s], gravity's direction in it (unit), command [m/s, m/s, rad/s],
-    q - q0 [rad], dq [rad/s], last action.
+    """One frame: gyro, gravity, command, q - q0, dq, last action; joints in the policy's order.
 
-    Positions and speeds come in the robot's order, the last action in the policy's, as all joints of the frame.
+    Args:
+        task: joints and default pose
+        gyro_b: angular velocity of the root in its frame [rad/s]
+        gravity_b: direction of gravity in the root's frame, unit
+        command: forward and lateral velocity [m/s], yaw rate [rad/s]
+        joint_pos: positions of the robot's joints, in its order [rad]
+        joint_vel: their velocities [rad/s]
+        last_action: action of the previous control step, in the policy's order; zeros at the start
     """
     index = task.policy_index
     away = joint_pos[index] - task.default_joint_pos[index]
@@ -92,7 +99,15 @@ class PolicyController:
         joint_vel: Float[np.ndarray, " j"],
     ) -> Float[np.ndarray, " j"]:
         """Position targets [rad] of all joints in the robot's order; see `frame` for the arguments."""
-        newest = frame(self.task, gyro_b, gravity_b, command, joint_pos, joint_vel, self.last_action)
+        newest = frame(
+            self.task,
+            gyro_b=gyro_b,
+            gravity_b=gravity_b,
+            command=command,
+            joint_pos=joint_pos,
+            joint_vel=joint_vel,
+            last_action=self.last_action,
+        )
         self.observation = self._history.push(newest)
         self.last_action = self.policy.act(self.observation)
         targets = self.task.default_joint_pos.copy()

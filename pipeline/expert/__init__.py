@@ -6,21 +6,3 @@ from pipeline.expert.licence import LicenceClass, classify_licence, strictest
 from pipeline.expert.read import DatabaseError, check_database, read_database
 from pipeline.expert.swap import DatabaseSettings
 from pipeline.expert.write import ExpertEntry, NoClipsError, StoredClip, write_database
-
-__all__ = [
-    "Column",
-    "DatabaseError",
-    "DatabaseLossError",
-    "DatabaseSettings",
-    "ExpertEntry",
-    "LicenceClass",
-    "NoClipsError",
-    "StoredClip",
-    "check_database",
-    "classify_licence",
-    "columns",
-    "expert_frames",
-    "read_database",
-    "strictest",
-    "write_database",
-]

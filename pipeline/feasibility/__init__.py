@@ -7,15 +7,3 @@ from pipeline.feasibility.coverage import Coverage, coverage
 from pipeline.feasibility.criterion import Verdict
 from pipeline.feasibility.process import process
 from pipeline.feasibility.settings import FeasibilitySettings
-
-__all__ = [
-    "Assessment",
-    "CommandSettings",
-    "Coverage",
-    "FeasibilitySettings",
-    "Verdict",
-    "assess",
-    "balance",
-    "coverage",
-    "process",
-]

@@ -158,7 +158,11 @@ def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """The rows, their cells in the order of `COLUMNS`; none is kept: a number a cell, of a text which one it is."""
+    """A data frame of rows whose values are in the order of `COLUMNS`.
+
+    To save memory, rows are read in batches and not kept: a text is stored as the index of its first occurrence and
+    becomes a category.
+    """
     places: dict[str, dict[str, int]] = {name: {} for name, kind in COLUMNS.items() if kind == pa.string()}
     parts: dict[str, list[np.ndarray]] = {name: [] for name in COLUMNS}
     rest = iter(rows)

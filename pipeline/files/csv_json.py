@@ -69,10 +69,10 @@ MAX_JSON_BYTES = 50_000_000
 
 
 def read_json(path: Path, what: str = "JSON", do: str = "") -> Any:
-    """The value of a file.
+    """The value of a JSON file.
 
-    Raises FileError for a file that is missing, too large, nested too deeply or no JSON, as NaN and infinities are; it
-    says that it has to be `what`, and what to `do`.
+    `what` names the expected content and `do` the remedy in the error. Raises FileError for a file that is missing,
+    too large, nested too deeply or not JSON; NaN and infinities are not JSON.
     """
     if not path.is_file():
         raise FileError(path, "the file does not exist.", do)

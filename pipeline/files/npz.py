@@ -52,8 +52,12 @@ def reported_damage(path: Path, what: str, do: str = "") -> Iterator[None]:
         raise FileError(path, f"it is not {what} that can be read: {says}.", do) from error
 
 
-MOST_MEMBERS, MOST_RATIO, MOST_BYTES = 1_000, 1_000, 2_000_000_000
-"""Of an archive: members, bytes of an array over those it takes in the archive, bytes of all arrays when inflated."""
+MOST_MEMBERS = 1_000
+"""Members of an archive."""
+MOST_RATIO = 1_000
+"""Inflated size of a member over its compressed size."""
+MOST_BYTES = 2_000_000_000
+"""Inflated size of all members together."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -52,10 +52,17 @@ def ingest(
     settings: LogSettings,
     sidecar: Path | None = None,
 ) -> Ingested:
-    """Read a log and write its trials (called `name`) into `folder`, in memory that does not grow with the log.
+    """Read a log and write its trials into a folder, in memory that does not grow with the log.
 
-    `layouts`: robots by number of joints; `sidecar`: the YAML file beside the log. Raises LogError, one sentence, for a
-    log that is refused; nothing is left in `folder` then.
+    Args:
+        path: `.mcap` or `.db3`
+        name: name of the log's trials
+        folder: where the Parquet files go; nothing is left there if the log is refused
+        layouts: robots by number of joints
+        settings: thresholds of the ingest
+        sidecar: the YAML file beside the log, if there is one
+
+    Raises LogError, one sentence, for a log that is refused.
     """
     if path.suffix not in SUFFIXES:
         problem = f"not a log: its suffix is '{path.suffix}'"

@@ -157,8 +157,8 @@ SUFFIX = ".txt"
 def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
     """Make `folder` hold one text for each refused log (name -> reason) and no other; a sentence for each that fails.
 
-    A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is a
-    digest of the name.
+    A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is the
+    beginning of the log's name and a digest of all of it: `<beginning>-<digest>.txt`, `_` for `/`.
     """
     texts = {path: decodable(refused[name]) + "\n" for name, path in text_paths(sorted(refused)).items()}
     problems = _clear(folder, set(texts))
@@ -177,7 +177,16 @@ def text_paths(names: list[str]) -> dict[str, str]:
     plain = {name: name + SUFFIX for name in names}
     folders = {str(parent) for path in plain.values() for parent in PurePosixPath(path).parents}
     odd = {name for name, path in plain.items() if path in folders or max(map(_size, path.split("/"))) > LONGEST_PART}
-    return plain | {name: digest.of_bytes(os.fsencode(name))[:12] + SUFFIX for name in odd}
+    return plain | {name: _shortened(name) for name in odd}
+
+
+def _shortened(name: str) -> str:
+    """The beginning of a log's name and a digest of the name, as one part of a path."""
+    ending = f"-{digest.of_bytes(os.fsencode(name))[:12]}{SUFFIX}"
+    beginning = name.replace("/", "_")
+    while _size(beginning + ending) > LONGEST_PART:
+        beginning = beginning[:-1]
+    return beginning + ending
 
 
 def _size(part: str) -> int:

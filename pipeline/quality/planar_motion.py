@@ -95,9 +95,12 @@ class PlanarMotion:
 def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: float, bridge_s: float) -> PlanarMotion:
     """The clip's planar motion.
 
-    `velocity_s`, `facing_s`: widths of the moving means [s] on the root's velocity and on the facing: of a person the
-    normal of the line between the hips, of a robot the root's heading. Gaps up to `bridge_s` [s] are interpolated
-    first.
+    Args:
+        clip: a person's or a robot's motion
+        velocity_s: width of the moving mean on the root's velocity [s]
+        facing_s: width of the moving mean on the facing [s]: the normal of the line between a person's hips, the
+            heading of a robot's root
+        bridge_s: longest gap of the recording that is interpolated first [s]
     """
     fps, (root_w, facing_w) = clip.fps, _root_and_facing(clip)
     recorded = np.asarray(np.isfinite(np.concatenate([root_w, facing_w], axis=1)).all(axis=1))

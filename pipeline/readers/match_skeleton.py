@@ -270,7 +270,8 @@ def map_text(title: str, bodies: Mapping[str, BodyMap]) -> str:
             listed[body]["pitch_deg"] = each.pitch_deg
         if any(each.offset):
             listed[body]["offset"] = list(each.offset)
-    text = yaml.safe_dump({"title": title, "bodies": listed}, default_flow_style=None, sort_keys=False, width=1_000)
+    value = {"title": title, "bodies": listed}
+    text = yaml.safe_dump(value, default_flow_style=None, sort_keys=False, width=1_000, allow_unicode=True)
     return f'# Axes and pitch_deg: see docs/sources.md, "Skeleton maps".\n{text}'
 
 

@@ -193,8 +193,15 @@ def _trunk(bodies: Segments, notch: np.ndarray, chest: np.ndarray, band: np.ndar
 def _chord(
     above: np.ndarray, marker: np.ndarray, inward: np.ndarray, share: float, length: np.ndarray | None = None
 ) -> Float[np.ndarray, "t 3"]:
-    """The joint at a distance (`share` of `length`, else of the way to `above`) from its marker, with a right angle
-    between the lines to the joint `above`, next towards the trunk, and to the marker; roughly `inward` of it."""
+    """Centre of a joint from its marker: the lines from the centre to `above` and to the marker are perpendicular.
+
+    Args:
+        above: centre of the next joint towards the trunk
+        marker: marker of the joint
+        inward: a vector that points from the marker roughly to the centre
+        share: distance between marker and centre, as a share of `length`
+        length: one per frame [m]; None: the distance between marker and `above`
+    """
     way = above - marker
     along = rotation.normalize(way)
     distance = share * (rotation.length(way) if length is None else length)

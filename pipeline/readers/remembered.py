@@ -9,12 +9,12 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
-
-from pydantic import TypeAdapter
+from typing import Annotated
 
 from pipeline.errors import FileError, PipelineError, UnknownNameError
-from pipeline.files import atomic
+from pipeline.files import atomic, settings
+from pipeline.files.csv_json import read_json
+from pipeline.files.ranges import NOT_NEGATIVE, OneOf
 from pipeline.readers.source import Source, read_sources, sources_of_environment
 
 FILE = "data/sources.yaml"
@@ -28,8 +28,8 @@ class RememberedSource:
     name: str
     folder: str
     """Absolute path, links resolved."""
-    named_in: Literal["data/sources.yaml", "BOOSTER_LAB_MOTIONS"]
-    files: int
+    named_in: Annotated[str, OneOf((FILE, VARIABLE))]
+    files: Annotated[int, NOT_NEGATIVE]
     """Motion files that it held."""
 
     def text(self) -> str:
@@ -37,7 +37,11 @@ class RememberedSource:
         return f"source '{self.name}' ({self.folder}, {self.files} motion files, named in {self.named_in})"
 
 
-_RECORD = TypeAdapter(list[RememberedSource])
+@dataclass(frozen=True, kw_only=True)
+class _Record:
+    """What is recorded, as `settings.parse` checks it."""
+
+    sources: tuple[RememberedSource, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,14 +112,16 @@ def check_sources(memory: Path, sources: SourcesInUse, files: Mapping[str, int])
 
 def read_remembered(memory: Path) -> tuple[RememberedSource, ...]:
     """The sources that runs used, by name; none where nothing was recorded. Raises FileError for a damaged record."""
+    record = "the record of the sources in use can't be read"
     try:
         if not memory.is_file():
             return ()
-        found = _RECORD.validate_json(memory.read_bytes(), strict=True)
-    except (OSError, ValueError) as error:
+        found = settings.parse(_Record, {"sources": read_json(memory)}, memory).sources
+    except OSError as error:
+        raise FileError(memory, f"{record} ({error}).") from error
+    except FileError as error:
         do = "Name all of your sources in data/sources.yaml, then remove this file."
-        problem = f"the record of the sources in use can't be read ({' '.join(str(error).split())})."
-        raise FileError(memory, problem, do) from error
+        raise FileError(memory, f"{record} ({error.problem.rstrip('.')}).", do) from error
     return tuple(sorted(found, key=lambda each: each.name))
 
 

@@ -209,11 +209,15 @@ class Dossier:
 def verdict_of(
     name: str, result: Mapping[str, Any] | None, policy: str, outdated: str = "", pictures: Sequence[Picture] = ()
 ) -> Verdict:
-    """The verdict of a check from its stored result, None where nothing is stored.
+    """The verdict of a check from its stored result.
 
-    A result has `passed` (true, false, or null without a verdict), `policy` (digest), and optionally `reasons`,
-    `not_required`, `not_run`, `failed_to_run`. `policy` is the digest to sign, `outdated` why the result is not
-    current.
+    Args:
+        name: name of the check
+        result: stored result: `passed` (true, false, or null without a verdict), `policy` (digest), and optionally
+            `reasons`, `not_required`, `not_run`, `failed_to_run`; None if nothing is stored
+        policy: digest of the policy to sign
+        outdated: why the result is outdated; empty if it is current
+        pictures: pictures of the check
     """
     if result is None:
         return Verdict(name=name, status=Status.NOT_RUN, reasons=("it was never run here",))

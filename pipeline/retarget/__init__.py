@@ -8,5 +8,3 @@ works frame by frame.
 
 from pipeline.retarget.process import process
 from pipeline.retarget.settings import RetargetSettings
-
-__all__ = ["RetargetSettings", "process"]

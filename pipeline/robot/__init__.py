@@ -4,5 +4,3 @@ from pipeline.robot.kinematics import Kinematics, LinkPoses, mujoco_model
 from pipeline.robot.load import load_robot
 from pipeline.robot.robot import Robot
 from pipeline.robot.robot_error import RobotError
-
-__all__ = ["Kinematics", "LinkPoses", "Robot", "RobotError", "load_robot", "mujoco_model"]

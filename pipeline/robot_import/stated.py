@@ -42,13 +42,14 @@ def read_stated(path: Path, joints: tuple[str, ...]) -> Stated:
     for line, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise FileError(path, f"the row has {len(row)} values.", f"Write {len(header)}.", line=line)
-        joint = row[0]
+        joint, *cells = map(str.strip, row)
         if joint not in joints:
             raise FileError(path, f"there is no joint '{joint}'.", f"There are: {', '.join(joints)}.", line=line)
-        given = {name: text for name, text in zip(header[1:], row[1:], strict=True) if text.strip()}
+        given = {name: text for name, text in zip(header[1:], cells, strict=True) if text}
         values, problems = parse_cells(given, HINTS, ())
-        for problem, do in problems:
-            raise FileError(path, f"'{joint}': {problem}", do, line=line)
+        if problems:
+            faults = " ".join(f"{problem} {do}" for problem, do in problems)
+            raise FileError(path, f"'{joint}': {faults}", line=line)
         for name, value in values.items():
             (controlled if name == "controlled" else numbers[name])[joint] = value
     return Stated(path=path, numbers=numbers, controlled=controlled)

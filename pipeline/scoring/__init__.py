@@ -8,5 +8,3 @@ Nothing here is shared with the planner of KP3; stance labels come from the huma
 from pipeline.scoring.align import aligned
 from pipeline.scoring.figures import FIGURES, Figure, Score, pooled, worst_of_bars
 from pipeline.scoring.score import score, score_without_collisions
-
-__all__ = ["FIGURES", "Figure", "Score", "aligned", "pooled", "score", "score_without_collisions", "worst_of_bars"]

@@ -118,16 +118,19 @@ class RaisedBound:
 
     skill: str
     bound_s: float | None
+    """Previous limit [s]; None without a limit."""
     wanted_s: float | None
-    """Previous and new limit [s]; None without a limit."""
+    """New limit [s]; None without a limit."""
     there_s: float
     """Seconds of windows that are eligible except for the limit."""
     before_s: float
+    """Seconds selected under the previous limit."""
     taken_s: float
-    """Seconds selected under the previous limit, and now."""
+    """Seconds selected under the new limit."""
     more_windows: int
+    """Number of windows selected now and not before."""
     fewer_windows: int
-    """Windows selected now and not before, and shorter ones that were dropped for them."""
+    """Number of windows selected before and not now: shorter ones that gave way."""
 
     @property
     def reached(self) -> bool:

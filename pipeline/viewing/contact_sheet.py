@@ -139,9 +139,16 @@ LEAST_LOST_S = 0.1
 
 
 def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
-    """PNG of the `most` clips that lost the most seconds in a stage, as they were in `previous`, with the first reason.
+    """PNG of the clips that lost the most seconds in a stage, as they were before it, with the first reason.
 
     One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
+
+    Args:
+        stage: manifest of the stage
+        previous: manifest of the stage before it, which has the clips
+        store: the store with the clips
+        robot: the robot of the clips; None for human clips
+        most: most clips in the picture
     """
     there = {clip for shard in previous.entry_shards for clip in shard.columns(["clip"])["clip"]}
     found = stage.findings("clip", "seconds_in", "seconds_out")

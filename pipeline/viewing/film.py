@@ -31,10 +31,16 @@ PALETTE = 64
 def write_film(
     path: Path, figures: Sequence[Figure], *, start_s: float = 0.0, seconds: float | None = None, text: str = ""
 ) -> int:
-    """Write a film (`.mp4`, `.gif`) of figures, side by side, with a line of text below; the number of its pictures.
+    """Write a film of figures that share a clock and return the number of its pictures. The file is whole or not there.
 
-    `start_s` and `seconds` are on the figures' shared clock; without the latter it ends with the longest figure. The
-    file is whole or not there. Raises FileError for another suffix, and when the disk refuses.
+    Args:
+        path: `.mp4` or `.gif`
+        figures: from left to right
+        start_s: time at which the film begins [s]
+        seconds: length of the film [s]; None: to the end of the longest figure
+        text: line at the lower edge
+
+    Raises FileError for another suffix and if the file can't be written.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise FileError(path, f"a film is one of: {', '.join(SUFFIXES)}.", "Name a file with that suffix.")

@@ -1,12 +1,14 @@
 """A human's motion as a figure: a capsule from joint to joint, by the positions alone (but for the head)."""
 
+import itertools
+
 import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, HumanClip, body
 from pipeline.errors import ClipError
-from pipeline.quality.planar_motion import facing_of, leg_length
+from pipeline.quality.planar_motion import facing_of
 from pipeline.robot.legs import mirrored_name
 from pipeline.viewing.figure import Color, Figure, Part, Shape
 
@@ -44,11 +46,8 @@ _FOOT = {"left_ankle": 0, "right_ankle": 1}
 
 
 def human_figure(clip: HumanClip) -> Figure:
-    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError if a leg is never present."""
-    leg, facing_w = leg_length(clip), facing_of(clip)
-    if not np.isfinite(leg):
-        raise ClipError(clip.name, "missing", "there is no frame with hip, knee and ankle of each leg.")
-    scale = leg / LEG
+    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError for a leg that is missing."""
+    scale, facing_w = _leg(clip) / LEG, facing_of(clip)
     parts, pos, quat = [], [], []
     for start, stop, radius, color in BONES:
         from_w, to_w = clip.body_pos_w[:, body(start)], clip.body_pos_w[:, body(stop)]
@@ -83,6 +82,17 @@ def mirrored(clip: HumanClip) -> HumanClip:
         body_quat_w=clip.body_quat_w[:, index] * np.array([1.0, -1.0, 1.0, -1.0]),
         contacts=None if clip.contacts is None else clip.contacts[:, ::-1].copy(),
     )
+
+
+def _leg(clip: HumanClip) -> float:
+    """Thigh plus shank [m], mean of both sides; thigh and shank may be recorded in different frames."""
+    total = 0.0
+    for side, (start, stop) in itertools.product(("left", "right"), (("hip", "knee"), ("knee", "ankle"))):
+        bone = _median_length(clip.pos(f"{side}_{stop}") - clip.pos(f"{side}_{start}"))
+        if bone == 0.0:
+            raise ClipError(clip.name, "missing", f"there is no frame with {side} {start} and {stop}.")
+        total += bone / 2
+    return total
 
 
 def _median_length(vectors: Float[np.ndarray, "t 3"]) -> float:

@@ -71,9 +71,18 @@ def worst_tracked(
 ) -> bytes:
     """PNG of the worst-tracked references: what the robot does up to the moment it fails, below its reference.
 
-    References that fail come first; the last pose of each is that of the failure, from `motions_to_failure`
-    (`pipeline.tracking.process.motion_to_failure`). Then come those that are furthest off, around the moment they are.
-    One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is shown, `most` in all.
+    References that fail come first; the last pose of each is that of the failure. Then come those with the largest
+    tracking error, around the moment of that error. One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is
+    shown.
+
+    Args:
+        rollouts: manifest of `augmented_motions`
+        references: manifest of the motions that were tracked
+        motions_to_failure: returns the motions of references up to the frame at which their nominal rollout fails,
+            under the references' names (`pipeline.tracking.process.motion_to_failure`)
+        store: the store with all motions
+        robot: the robot of the motions
+        most: most references in the picture
     """
     entries = {entry.clip: entry for entry in references.entries}
     families: dict[str, Judged] = {}

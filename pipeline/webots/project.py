@@ -108,8 +108,15 @@ def write_project(
 ) -> Project:
     """Write the project of a robot folder's tables; equal arguments give equal bytes.
 
-    Other files in `folder` are kept; without a policy the robot stands in its default pose. Raises FileError if a file
-    can't be written.
+    Args:
+        folder: project folder, created if missing; its other files are kept
+        source: the robot's tables
+        task: joints and gains
+        envelope: torque limits of the motors
+        policy: the policy that walks; None: the robot stands in its default pose
+        settings: timestep, friction and commands
+
+    Raises FileError if a file can't be written.
     """
     robot = build_robot(source)
     project = Project(folder=folder, robot=robot.name)

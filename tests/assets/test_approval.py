@@ -170,7 +170,7 @@ def test_what_was_declined_is_not_asked_again_until_its_evidence_changes(project
 
 def page_of(project, made) -> FeedbackPage:
     declined = project.feedback.declined_changes()
-    return FeedbackPage(proposal=made, approvals=project.feedback.approvals(), refused=declined)
+    return FeedbackPage(proposal=made, approvals=project.feedback.approvals(), declined_changes=declined)
 
 
 def test_approving_what_was_declined_lets_it_take_effect(project):

@@ -77,6 +77,11 @@ def test_a_frame_has_each_number_in_its_place(task: DeploymentTask):
     np.testing.assert_array_equal(found[51:], action)
 
 
+def test_the_parts_of_a_frame_are_taken_by_keyword_alone(task: DeploymentTask):
+    with pytest.raises(TypeError, match="positional"):
+        frame(task, *_readings(task).values(), np.zeros(21))  # type: ignore[reportCallIssue]
+
+
 def test_the_history_starts_with_zeros_and_has_the_newest_last(task: DeploymentTask):
     history = History(task)
     seen = np.zeros(task.observation_size)

@@ -1,5 +1,6 @@
 """Sentences on refused logs are written where they can be, and never keep other logs from being read."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ def test_a_text_for_each_refused_log_and_no_other(tmp_path):
 def test_a_name_that_is_too_long_is_shortened(tmp_path, name):
     assert note_refusals(tmp_path, {name: "it is bad.", name[:-1] + "y": "so is this."}) == []
     assert sorted(texts(tmp_path).values()) == ["it is bad.\n", "so is this.\n"]
+    assert all(path.startswith(name[:50]) and "/" not in path for path in texts(tmp_path))
     assert note_refusals(tmp_path, {}) == []
     assert texts(tmp_path) == {}
 
@@ -35,7 +37,9 @@ def test_a_folder_that_is_named_like_a_file_is_no_text(tmp_path):
 
 def test_a_text_and_a_folder_of_one_name_are_both_kept(tmp_path):
     refused = {"session": "it is bad.", "session.txt/bad": "so is this."}
-    assert len(set(text_paths(list(refused)).values())) == 2
+    paths = text_paths(list(refused))
+    assert paths["session.txt/bad"] == "session.txt/bad.txt"
+    assert re.fullmatch(r"session-[0-9a-f]{12}\.txt", paths["session"])
     for _ in range(2):
         assert note_refusals(tmp_path, refused) == []
         assert sorted(texts(tmp_path).values()) == ["it is bad.\n", "so is this.\n"]

@@ -142,6 +142,19 @@ def test_the_map_of_an_unknown_skeleton_is_written_with_what_is_known(tmp_path, 
     np.testing.assert_allclose(found.clip.body_pos_w, truth.body_pos_w, atol=1e-5)
 
 
+def test_a_written_map_keeps_joint_names_in_their_own_script(tmp_path, truth):
+    path, mine = tmp_path / "clip.bvh", tmp_path / "mine.yaml"
+    plain = write_bvh(POSES, CONVENTIONS["xsens"])
+    path.write_text(plain)
+    mine.write_text(written_map(path).replace("LeftAnkle", "左足"), encoding="utf-8")
+    path.write_text(plain.replace("LeftAnkle", "左足"), encoding="utf-8")
+    text = written_map(path, str(mine))
+    assert "left_ankle: {joint: 左足," in text and "down: 左足" in text
+    mine.write_text(text, encoding="utf-8")
+    found = read_motion(path, "clip", Statement(skeleton=str(mine)))
+    np.testing.assert_allclose(found.clip.body_pos_w, truth.body_pos_w, atol=1e-5)
+
+
 @pytest.mark.parametrize("rest", DROP_DEG)
 def test_the_written_map_of_a_known_skeleton_reads_the_file_as_it_was_read(tmp_path, rest):
     path = tmp_path / "clip.bvh"

@@ -1,6 +1,7 @@
 """Sources that runs used: kept when the variable is gone, missed loudly when they are gone themselves."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -113,6 +114,27 @@ def test_a_source_that_is_renamed_or_moved_is_not_lost(tmp_path):
     (tmp_path / "shipped").rename(tmp_path / "moved")
     file.write_text(file.read_text().replace("folder: shipped", "folder: moved"))
     assert counted(run(file, "", memory)) == {"renamed": 1}
+
+
+RECORDED = {"name": "a", "folder": "/a", "named_in": "data/sources.yaml", "files": 1}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"path": "/b"}, "unknown key 'sources[0].path', there are: name, folder, named_in, files"),
+        ({"files": "1"}, "'sources[0].files' is '1', wanted int"),
+        ({"files": -1}, "'sources[0].files' is -1, allowed is at least 0"),
+        ({"named_in": "x"}, "'sources[0].named_in' is 'x', there are: data/sources.yaml, BOOSTER_LAB_MOTIONS"),
+    ],
+)
+def test_a_fault_in_the_record_is_a_plain_sentence(tmp_path, change, told):
+    memory = tmp_path / "sources.json"
+    memory.write_text(json.dumps([RECORDED]))
+    assert [each.name for each in read_remembered(memory)] == ["a"]
+    memory.write_text(json.dumps([RECORDED | change]))
+    with pytest.raises(FileError, match=re.escape(f"can't be read ({told}). Name all of your sources")):
+        read_remembered(memory)
 
 
 @pytest.mark.parametrize("text", ["null", "[1]", "{", '[{"name": "a"}]', "\x00"])

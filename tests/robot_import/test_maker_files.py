@@ -169,6 +169,7 @@ def test_what_a_person_states_takes_the_place_of_proposals(tmp_path: Path):
         ("joint,kp\nWaist,much\n", "line 2: 'Waist': kp is 'much'"),
         ("joint,kp\nWaist\n", "line 2: the row has 1 values"),
         ("joint,controlled\nWaist,perhaps\n", "'Waist': controlled is 'perhaps'"),
+        ("joint,kp,kd\nWaist,much,more\n", "kp is 'much'. Write a finite number. kd is 'more'. Write a finite number."),
     ],
 )
 def test_a_faulty_table_of_a_person_is_refused(tmp_path: Path, text: str, told: str):
@@ -176,6 +177,14 @@ def test_a_faulty_table_of_a_person_is_refused(tmp_path: Path, text: str, told: 
     path.write_text(text)
     with pytest.raises(FileError, match=told):
         read_stated(path, ("Waist", "Left_Knee_Pitch"))
+
+
+def test_blanks_around_the_cells_of_a_table_are_ignored(tmp_path: Path):
+    path = tmp_path / "stated.csv"
+    path.write_text("joint, kp, kd, controlled\n Waist , 1.0,  , yes\n")
+    stated = read_stated(path, ("Waist",))
+    assert stated.numbers == {"kp": {"Waist": 1.0}, "kd": {}}
+    assert stated.controlled == {"Waist": True}
 
 
 def _with(change, root: Xml.Element) -> Xml.Element:

@@ -91,12 +91,24 @@ def test_a_missing_joint_leaves_out_its_bones_in_its_frames_alone():
     assert figure.drawn(1).all() and figure.drawn(3).all()
 
 
-def test_a_clip_without_a_leg_is_refused():
+@pytest.mark.parametrize(
+    ("joint", "told"), [("right_knee", "no frame with right hip and knee"), ("left_ankle", "with left knee and ankle")]
+)
+def test_a_clip_without_a_leg_names_the_side_and_the_bone(joint: str, told: str):
     clip = gliding_human(frame_count=3)
     pos = clip.body_pos_w.copy()
-    pos[:, body("right_knee")] = np.nan
-    with pytest.raises(ClipError, match="no frame with hip, knee and ankle of each leg"):
+    pos[:, body(joint)] = np.nan
+    with pytest.raises(ClipError, match=told):
         human_figure(dataclasses.replace(clip, body_pos_w=pos))
+
+
+def test_thigh_and_shank_may_be_recorded_in_different_frames():
+    clip = gliding_human(frame_count=4)
+    pos = clip.body_pos_w.copy()
+    pos[:2, body("left_hip")] = pos[2:, body("left_ankle")] = np.nan
+    figure = human_figure(dataclasses.replace(clip, body_pos_w=pos))
+    for part, whole in zip(figure.parts, human_figure(clip).parts, strict=True):
+        assert part.shapes[0].size == pytest.approx(whole.shapes[0].size)
 
 
 def test_the_mirror_swaps_the_sides_and_mirrored_twice_is_the_clip_itself():
