@@ -4,8 +4,6 @@ The names are in a JSON file, whose path the environment of the run holds; so th
 is replaced only when its successor is there.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

@@ -4,8 +4,6 @@ An error of one clip is its answer, and the others go on. One that is not the cl
 keep it, and the next run tries again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

@@ -6,8 +6,6 @@ died of are tried one by one. Results are gathered as they come and passed on in
 at a time, so its memory does not grow with the number of clips.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import functools

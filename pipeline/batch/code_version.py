@@ -4,8 +4,6 @@ A number raised by hand is forgotten sooner or later; the sources are not. The p
 changed comment recomputes a stage.
 """
 
-from __future__ import annotations
-
 import functools
 from importlib import metadata
 from pathlib import Path

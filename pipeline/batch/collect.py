@@ -5,8 +5,6 @@ for, with their shards and blobs. Databases and their earlier versions are folde
 curator's decisions name clips of the manifests. Whatever is removed is made again when it is wanted.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import json

@@ -1,7 +1,5 @@
 """A pool of processes that reports on stderr how far its work is, for commands that take longer than a moment."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence

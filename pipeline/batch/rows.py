@@ -1,7 +1,5 @@
 """The two kinds of rows of a manifest: clips that are kept, and findings on input clips."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar

@@ -5,8 +5,6 @@ the numbers of earlier stages. So the same question is never worked on twice, in
 of an unchanged shard are recalled together: one more clip costs what its own shard costs, of however many there are.
 """
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

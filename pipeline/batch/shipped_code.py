@@ -7,8 +7,6 @@ Calls come as pickles, like all that Dask sends: a worker executes what its sche
 what workers answer (docs/security.md). No file of a user is unpickled here.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import importlib.util

@@ -4,8 +4,6 @@ A killed run leaves each file whole or not there. Manifests and shards withstand
 not forced to the disk, and what a power cut takes of them is made again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

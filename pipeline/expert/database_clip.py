@@ -1,7 +1,5 @@
 """A clip JSON of the database, back as a robot clip."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

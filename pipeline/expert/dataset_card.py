@@ -1,7 +1,5 @@
 """The dataset card of a database (README.md): what is in it, from where, under which licences, how it was made."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Mapping

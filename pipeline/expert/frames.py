@@ -7,8 +7,6 @@ the derivative of the local positions, v and w are the world velocities of the T
 frame. So each velocity can be made again from the positions beside it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ digest is the first digits of the manifest's. `-refused` ends the name of a vers
 of the one before it. A version is a whole database; nothing in it is rewritten.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import shutil

@@ -1,7 +1,5 @@
 """`index.parquet`: a row a clip, its own facts first, then the numbers of the stages."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

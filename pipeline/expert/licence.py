@@ -1,7 +1,5 @@
 """How strict a licence is, and what a database made of several may be used for."""
 
-from __future__ import annotations
-
 import enum
 import re
 from collections.abc import Iterable

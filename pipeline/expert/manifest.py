@@ -1,7 +1,5 @@
 """`manifest.json`: what a database is, what is in it, and what it may be used for."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path

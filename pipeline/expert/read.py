@@ -1,7 +1,5 @@
 """Reading a database, and every fault of one that is not whole."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@
 discriminator then gives no useful signal (the two-sample test of Lopez-Paz and Oquab, ICLR 2017).
 """
 
-from __future__ import annotations
-
 import itertools
 import logging
 from collections.abc import Iterable, Mapping, Sequence

@@ -6,8 +6,6 @@ should the writer die between the two moves. Leftovers of a killed writer are cl
 had not yet kept is lost with them.
 """
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import fcntl

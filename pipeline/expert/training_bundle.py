@@ -9,8 +9,6 @@
 <folder>/bundle.json   digests of robot and database, and what the database may be used for
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

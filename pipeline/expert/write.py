@@ -6,8 +6,6 @@
 <folder>/manifest.json       what the database is, a digest of every file and of itself, what it may be used for
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import itertools

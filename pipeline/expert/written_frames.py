@@ -4,8 +4,6 @@ A clip's weight changes with every clip that is added, its frames do not. `.<nam
 each clip of the store which text its frames became, by code and robot; the text itself is in the database in place.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping

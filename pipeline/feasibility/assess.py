@@ -1,7 +1,5 @@
 """All criteria of KP5 on one motion."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass

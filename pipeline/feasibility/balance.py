@@ -14,8 +14,6 @@ A cell or a motion in it with less than `missing_seconds` has its part in propor
 moment is no presence.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Annotated

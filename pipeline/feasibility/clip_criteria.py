@@ -1,7 +1,5 @@
 """Criteria of a clip that need no motion: likeness to the person by the numbers of KP3, and length."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ the box's middle. Boxes are half as wide as the cells of the coverage report and
 0 and cells from 0 on can both be added up from them.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Annotated

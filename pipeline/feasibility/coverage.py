@@ -1,7 +1,5 @@
 """How many seconds each part of the command space has, and what is missing, in words."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

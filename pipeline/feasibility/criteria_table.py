@@ -4,8 +4,6 @@ It lies beside the manifest of `feasible_motions` and says which manifest it bel
 further: clips that go on keep a number a criterion.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence

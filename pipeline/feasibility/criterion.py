@@ -10,8 +10,6 @@ Evaluation, the table of criteria, the table in the docs, the benchmark and the 
 The file states the same unit (`pipeline.files.sourced`); a `Section` checks the range.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field

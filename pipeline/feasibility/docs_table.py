@@ -3,8 +3,6 @@
 python -m pipeline.feasibility.docs_table docs/feasibility.md
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -4,8 +4,6 @@ A piece that left KP5 satisfies all criteria by itself, and its stored bytes are
 still are is what the asset's check `stored_as_evaluated` finds. So its results are those of the stretch that it is.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Criteria of the feet: slip, gliding, penetration, floating, flight, labels."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -7,8 +7,6 @@ the signature; a copy, a repeat and another stretch of the same steady gait chan
 A clip carries it as one text, `gait_signature`: JSON, a list of angles [rad].
 """
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 

@@ -5,8 +5,6 @@ image. Evaluated for each of the two are only a few criteria (`OWN`), and images
 side.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Criteria of single joints: position limits, speed, acceleration."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -5,8 +5,6 @@
 A criterion that does not apply to a stretch states why; it never counts as one that holds.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence

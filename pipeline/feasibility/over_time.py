@@ -4,8 +4,6 @@ Joint by joint, never "any joint in a frame": of twenty joints that each pass a 
 does in most frames.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """KP5 on one clip: judged as a whole, cut where frames are to blame, the rest judged again on its own."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ the catalogue names the motion by content (`tracks_content`, pipeline.readers.li
 window, a piece or a variant of a recording is evaluated, the reference is sampled at the same times and mirrored alike.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Criteria of the root link: height, tilt, speeds, acceleration, jerk. All on the low-passed root."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`data/feasibility.yaml` as a whole. Importing this module registers every criterion."""
 
-from __future__ import annotations
-
 import typing
 from dataclasses import dataclass
 from typing import Any

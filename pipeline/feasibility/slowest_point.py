@@ -6,8 +6,6 @@ that is on the ground. Velocity is linear over a rigid sole: those of this part 
 velocities, and the least is the distance of that polygon from zero.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

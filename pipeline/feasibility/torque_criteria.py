@@ -1,7 +1,5 @@
 """Criteria of the forces that a simulation recorded: motor saturation, and whether contacts explain the motion."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from typing import Annotated

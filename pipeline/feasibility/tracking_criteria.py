@@ -6,8 +6,6 @@ ends an episode. The root's path is compared after the horizontal shift and turn
 heading do not count, but a step that is too short does.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -7,8 +7,6 @@ differs between MuJoCo and the bridge is this approximation, what differs betwee
 contact and solver.
 """
 
-from __future__ import annotations
-
 import copy
 import functools
 import threading

@@ -1,7 +1,5 @@
 """What a rollout needs of a physics engine: set and read a state, step with joint torques, push, foot forces."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 

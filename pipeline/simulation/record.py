@@ -1,7 +1,5 @@
 """A rollout as it is written down, and as it is read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

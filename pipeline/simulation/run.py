@@ -1,7 +1,5 @@
 """A controller and a plant together: the loop that every engine's rollouts go through."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

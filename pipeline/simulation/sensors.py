@@ -1,7 +1,5 @@
 """Readings of the robot's sensors in a state."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 

@@ -4,8 +4,6 @@ Every ground is flat and at height 0 about the origin (`START_M`), except a slop
 when it is made.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

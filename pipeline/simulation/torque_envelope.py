@@ -1,7 +1,5 @@
 """What torque a joint's motor can give at a speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
