@@ -1,7 +1,5 @@
 """The error tree. Classes take facts and write the text: what, where, got, allowed, what to do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -4,8 +4,6 @@ A browser sends a page's origin with each web socket and each POST, and the name
 every request. A foreign name that resolves to 127.0.0.1 (DNS rebinding) and a page of another origin are so told apart.
 """
 
-from __future__ import annotations
-
 from urllib.parse import urlsplit
 
 ADDRESS = "127.0.0.1"

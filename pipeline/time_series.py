@@ -1,7 +1,5 @@
 """Signals over time: derivatives, resampling by time, zero-phase smoothing, runs of frames."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np
