@@ -63,7 +63,7 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
     """The findings on a trial. A fault of one trial does not stop the others.
 
-    Raises dagster.Failure for a store that cannot be read or written, which is no fault of the log.
+    Raises dagster.Failure for settings, a robot or a store that cannot be read or written: no fault of the log.
     """
     try:
         return _looked_at(name, path, numbers)
@@ -80,10 +80,12 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
     robot = str(numbers["robot"])
     if robot not in PROJECT.robots:
         return {"unread": f"there is no folder robots/{robot}"}
-    values = settings.read(PROJECT.settings("failures.yaml"), FailureSettings)
-    calibration = PROJECT.store.load(_calibrations()[robot].key.to_user_string())
+    with as_failure():
+        values = settings.read(PROJECT.settings("failures.yaml"), FailureSettings)
+        limits = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
+        calibration = PROJECT.store.load(_calibrations()[robot].key.to_user_string())
+        nominal = load_robot(PROJECT.robot_folder(robot))
     policy = find_policy(PROJECT.policy_files(robot), numbers.get("policy_digest") or "")
-    nominal = load_robot(PROJECT.robot_folder(robot))
     question = [
         *("looked at", FAILURES.code_version(), settings.plain(values), calibration.digest, nominal.digest),
         *(name, digest.of_file(path), digest.of_file(policy) if policy else ""),
@@ -92,7 +94,6 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
     with as_failure():
         known = PROJECT.store.recall(key, FAILURES.name)
     if known is None:
-        limits = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         calibrations = [Calibration.from_dict(each) for each in calibration.settings.values()]
         known = {"pieces": [], **_look(path, numbers, nominal, adapt(nominal, calibrations, limits), policy, values)}
         with as_failure():

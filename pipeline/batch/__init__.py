@@ -3,6 +3,7 @@
 from pipeline.batch.manifest import Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.rows import Entry, Judged
-from pipeline.batch.run import Stage, run_files, run_stage
+from pipeline.batch.run import run_files, run_stage
 from pipeline.batch.shard import Rows, changed
+from pipeline.batch.shard_answers import Stage
 from pipeline.batch.store import Store

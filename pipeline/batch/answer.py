@@ -55,14 +55,13 @@ def work_on_files(
 
 def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: float | None) -> dict[str, Any]:
     """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection."""
-    failed = False
     try:
         outcome = work()
     except StoreError as error:  # another blob that the work reads, such as a reference
         return rejection("failed", f"clip '{name}': {error}", seconds_in, failed=True)
     except (ClipError, FileError) as error:
         code = error.code if isinstance(error, ClipError) else "unreadable"
-        return rejection(code, str(error), seconds_in, failed)
+        return rejection(code, str(error), seconds_in)
     except Exception as error:  # a fault of ours must not stop the other clips; it is tried again in the next run
         text = f"clip '{name}': the stage failed with {type(error).__name__}: {error}"
         return rejection("failed", text, seconds_in, failed=True)
@@ -75,7 +74,7 @@ def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: fl
     if numbers["seconds_in"] is None:
         numbers["seconds_in"] = numbers.get("seconds", numbers["seconds_out"])
     return {
-        "failed": failed,
+        "failed": False,
         "pieces": pieces,
         "unsound": [(piece.clip.name, fault) for piece in outcome.pieces for fault in faults_of(piece.clip)],
         "reasons": [_plain(reason.to_dict()) for reason in outcome.reasons],
@@ -88,7 +87,8 @@ def _seconds(piece: Piece) -> float:
     return float(piece.numbers.get("seconds") or piece.clip.duration_s)
 
 
-def rejection(code: str, text: str, seconds_in: float | None, failed: bool) -> dict[str, Any]:
+def rejection(code: str, text: str, seconds_in: float | None, failed: bool = False) -> dict[str, Any]:
+    """The answer about a clip that does not go on; where the stage `failed`, it is asked again in the next run."""
     reason = {"code": code, "text": text, "effect": "rejected"}
     numbers = {"seconds_in": seconds_in or 0.0, "seconds_out": 0.0}
     return {"failed": failed, "pieces": [], "unsound": [], "reasons": [reason], "numbers": numbers}

@@ -124,7 +124,7 @@ def _of_arrays(arrays: ArrayFile, statement: Statement) -> RawMotion | RobotMoti
     raise FileError(arrays.path, f"no known motion: it holds {found}; known are {wanted}.")
 
 
-MOST_DEPTH = 4
+MAX_DEPTH = 4
 """Dictionaries in each other that are looked through."""
 
 MAX_LIST = 10_000
@@ -157,7 +157,7 @@ class LoadedArrays(ArrayFile):
 def open_loaded(path: Path, load: Callable[[Path], Any]) -> LoadedArrays:
     """The one motion in a file that `load_pickle` or `load_torch` reads. Raises FileError, or OSError of the disk."""
     value, assumed = load(path), None
-    for _ in range(MOST_DEPTH):
+    for _ in range(MAX_DEPTH):
         if not isinstance(value, dict):
             raise FileError(path, f"it holds a {type(value).__name__}, wanted named arrays of one motion.")
         if isinstance(value.get(GLOBAL), dict):
@@ -172,7 +172,7 @@ def open_loaded(path: Path, load: Callable[[Path], Any]) -> LoadedArrays:
             do = f"Write a file for each, as {path.stem}_<motion>.npz with numpy.savez(name, **motion)."
             raise FileError(path, f"it holds {len(inner)} motions ({names}, ...); a file holds one.", do)
         (value,) = inner.values()
-    raise FileError(path, f"its arrays are in more than {MOST_DEPTH} dictionaries.")
+    raise FileError(path, f"its arrays are in more than {MAX_DEPTH} dictionaries.")
 
 
 def _array(value: Any) -> np.ndarray | None:

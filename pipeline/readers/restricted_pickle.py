@@ -217,10 +217,10 @@ def load_pickle(path: Path) -> Any:
     data = path.read_bytes()
     with _refused(path, converter(path)), reported_damage(path, "a pickle"):
         if data[:1] == b"\x78":
-            inflater = zlib.decompressobj()
-            data = inflater.decompress(data, min(MAX_RATIO * len(data), MAX_BYTES))
+            inflater, most = zlib.decompressobj(), min(MAX_RATIO * len(data), MAX_BYTES)
+            data = inflater.decompress(data, most)
             if inflater.unconsumed_tail:
-                raise FileError(path, f"it inflates to more than {MAX_RATIO} times its size, not allowed.")
+                raise FileError(path, f"it inflates to more than {most} bytes, not allowed.")
         return _Unpickler(_Bytes(data)).load()
 
 

@@ -11,6 +11,7 @@ from mjlab.sim import MujocoCfg, SimulationCfg
 from pipeline.learning.robot_entity import robot_entity
 from pipeline.learning.robot_facts import RobotFacts
 from pipeline.physics import PHYSICS_S
+from pipeline.tracking.task import DECIMATION
 from pipeline.training.config import Config
 from pipeline.training.mdp.actions import PolicyActionCfg
 from pipeline.training.mdp.commands import RESAMPLE_S, VelocityCommandCfg
@@ -20,7 +21,6 @@ from pipeline.training.mdp.rewards import reward_cfg
 from pipeline.training.mdp.terminations import termination_cfg
 from pipeline.training.terrain import terrain_cfg
 
-DECIMATION = 4
 EPISODE_S = 20.0
 """Length of an episode [s]."""
 SOFT_LIMITS = 0.97

@@ -81,6 +81,17 @@ def test_a_store_that_cannot_be_read_or_written_is_no_unreadable_log(project, ro
         failure_modes._answer("x", path, numbers)
 
 
+def test_settings_and_a_calibration_that_cannot_be_read_are_no_unreadable_log(project, tmp_path):
+    numbers = {"robot": "t1", "log": "x"}
+    (tmp_path / "data/actuators.yaml").unlink()
+    with pytest.raises(dg.Failure, match=r"actuators\.yaml"):
+        failure_modes._answer("x", tmp_path / "trial.parquet", numbers)
+    (tmp_path / "data/actuators.yaml").symlink_to(ROOT / "data/actuators.yaml")
+    project.store.manifest_path("actuator_calibration").write_text("{")
+    with pytest.raises(dg.Failure, match="actuator_calibration"):
+        failure_modes._answer("x", tmp_path / "trial.parquet", numbers)
+
+
 def test_what_cannot_be_looked_at_says_why(project, tmp_path):
     assert "no folder robots/k7" in failure_modes._answer("x", tmp_path, {"robot": "k7"})["unread"]
     broken = tmp_path / "broken.parquet"

@@ -23,6 +23,7 @@ from pipeline.webots.launch import Outcome
 from pipeline.webots.project import Project, write_project
 from pipeline.webots.result import WebotsSettings
 from pipeline.webots.scene_model import SceneModel, read_scene
+from pipeline.webots.stand_in import __main__ as stand_in_command
 from pipeline.webots.stand_in.mujoco_engine import MujocoEngine
 from pipeline.webots.stand_in.ode_engine import OdeEngine, OdeNotFoundError, load_ode
 from pipeline.webots.stand_in.serve import Simulation
@@ -261,3 +262,16 @@ def test_the_published_policy_walks_in_the_stand_in(tmp_path: Path, policies: Pa
 def _raised(scene: SceneModel) -> SceneModel:
     root = dataclasses.replace(scene.bodies[0], pos=np.array([0.0, 0.0, 5.0]))
     return dataclasses.replace(scene, bodies=(root, *scene.bodies[1:]))
+
+
+def test_the_command_takes_the_flags_of_webots_and_no_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    served: list[tuple[Path, str]] = []
+    monkeypatch.setattr(stand_in_command, "serve", lambda world, engine: served.append((world, engine)) or 0)
+    world = tmp_path / "world.wbt"
+    for flags in (["--batch", "--mode", "fast", "--port", "1234"], ["--no-rendering", "--mode=fast"]):
+        monkeypatch.setattr(sys, "argv", ["stand_in", "--engine", "mujoco", *flags, str(world)])
+        assert stand_in_command.main() == 0
+    assert served == [(world, "mujoco")] * 2
+    monkeypatch.setattr(sys, "argv", ["stand_in", "--engine", "mujoco", "--bach", str(world)])
+    with pytest.raises(SystemExit):
+        stand_in_command.main()

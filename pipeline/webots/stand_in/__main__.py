@@ -7,12 +7,18 @@ from pathlib import Path
 from pipeline.errors import PipelineError
 from pipeline.webots.stand_in.serve import serve
 
+FLAGS = ("--batch", "--no-rendering", "--minimize", "--stdout", "--stderr")
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--engine", choices=("mujoco", "ode"), required=True)
+    for flag in FLAGS:
+        parser.add_argument(flag, action="store_true")
+    parser.add_argument("--mode")
+    parser.add_argument("--port")
     parser.add_argument("world", type=Path)
-    arguments, _ = parser.parse_known_args()
+    arguments = parser.parse_args()
     try:
         return serve(arguments.world, arguments.engine)
     except PipelineError as error:
