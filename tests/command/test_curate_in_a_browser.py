@@ -149,6 +149,29 @@ def test_a_proposal_is_approved_with_its_evidence_declined_and_taken_back(page, 
     assert page.complaints == []
 
 
+def test_filters_that_are_noted_late_do_not_take_back_a_click(page):
+    """The address is written once the person pauses; a click on a clip just before wins."""
+    go(page, "#/", ".card")
+    page.until("document.body.dataset.shown.startsWith('clips ')")
+    address = page.page.evaluate(
+        """() => {
+            const real = window.setTimeout, due = [];
+            window.setTimeout = (work) => due.push(work);
+            try {
+                const search = document.querySelector("input[type=search]");
+                search.value = "walk";
+                search.dispatchEvent(new Event("input", { bubbles: true }));
+                if (!due.length) return "nothing is noted later";
+                document.querySelector(".card:not([hidden]) .name").click();
+                while (due.length) due.shift()();
+            } finally { window.setTimeout = real; }
+            return location.hash;
+        }"""
+    )
+    assert address.startswith("#/clip/")
+    page.page.wait_for_selector(".timeline")
+
+
 def test_markup_in_a_name_is_shown_as_text(page):
     go(page, "#/?q=onerror", ".card")
     names = page.page.eval_on_selector_all(".card:not([hidden]) .name", "all => all.map(each => each.textContent)")

@@ -130,8 +130,10 @@ export class ClipsPage {
       .map(([name, count, place]) => el("option", { value: String(place + 1), selected: name === wanted }, `${name || "none"} (${count})`)));
   }
 
-  // The address shows the filters, so that a view can be kept as a bookmark and linked.
+  // The address shows the filters, so that a view can be kept as a bookmark and linked. It is left alone where a click has
+  // led to another page already, whose own event comes a moment later.
   remember() {
+    if (!/^(#\/?)?(\?|$)/.test(location.hash)) return;
     const { query, texts, sort, descending } = this.state;
     const shown = new URLSearchParams({ ...(query && { q: query }), ...texts, ...(sort !== "clip" && { sort }), ...(descending && { descending: "1" }) });
     history.replaceState(null, "", `#/${shown.size ? `?${shown}` : ""}`);
