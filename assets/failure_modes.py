@@ -6,7 +6,7 @@ from typing import Any
 import dagster as dg
 
 from assets.hardware import trials_of
-from assets.plan import FIELD, TRIALS, Plan, robot_plans
+from assets.plan import FIELD, Plan, robot_plans
 from assets.project import PROJECT
 from assets.report import as_failure, asset_of, check_result, result_of, table_of
 from pipeline.actuators.adapted_robot import adapt
@@ -39,7 +39,6 @@ def _calibrations() -> dict[str, Plan]:
 @asset_of(
     FAILURES,
     "numpy",
-    inputs={"hardware_trials": TRIALS},
     deps=[plan.key for plan in _calibrations().values()],
     checks={LOOKED: "Every trial is of a robot that is here, and was read."},
 )

@@ -132,12 +132,7 @@ FAILURES, FEEDBACK, REPORT = FIELD
 NOTHING_PENDING = "nothing_pending"
 
 
-@asset_of(
-    FEEDBACK,
-    "python",
-    inputs={"failure_modes": FAILURES},
-    checks={NOTHING_PENDING: "What the rules propose is what a person approved."},
-)
+@asset_of(FEEDBACK, "python", checks={NOTHING_PENDING: "What the rules propose is what a person approved."})
 def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest):
     """Changes that the failures ask for, by data/feedback_rules.yaml: each bounded, with the logs that it rests on.
 
@@ -170,7 +165,7 @@ def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     write_entries(PROJECT.feedback.approved, entries_of(kept, proposal, "the rules, which ask for no approval"))
 
 
-@asset_of(REPORT, "mujoco", inputs={"failure_modes": FAILURES})
+@asset_of(REPORT, "mujoco")
 def sim_to_real_report(failure_modes: Manifest):
     """Each trial beside MuJoCo with the same policy, gains and command: tracking, and the limit cycles of the legs."""
     rows, notes = [], []

@@ -51,7 +51,7 @@ def project(tmp_path, root, robot, monkeypatch):
 
 def test_the_asset_trains_and_says_that_it_is_a_trial(project, robot):
     result = dg.materialize(
-        [amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        [amp_policy.amp_policy(TRAINED)],
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
     )
     (event,) = result.asset_materializations_for_node("t1__amp_policy")
@@ -79,7 +79,7 @@ def test_a_run_that_materializes_everything_trains_nothing(project):
         return 1
 
     result = dg.materialize(
-        [everything_else, amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        [everything_else, amp_policy.amp_policy(TRAINED)],
         resources={"io_manager": dg.mem_io_manager, "clip_pool": ClipPoolResource(workers=1)},
     )
     assert result.success

@@ -54,7 +54,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
         [
             exported_policy,
             dg.AssetSpec(ADAPTED.key),
-            validation.mujoco_validation(PLANS["mujoco_validation"], EXPORTED, ADAPTED),
+            validation.mujoco_validation(PLANS["mujoco_validation"]),
         ],
         resources={"clip_pool": ClipPoolResource(workers=1), "io_manager": dg.mem_io_manager},
     )
