@@ -7,7 +7,6 @@ import dagster as dg
 
 from assets.approved import approval_metadata, approved_part
 from assets.plan import Plan, group_of, key_of
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import check_result, picture, result_of, robot_asset, table_of
 from pipeline.actuators.adapted_robot import adapt, torque_envelope, write_adapted_robot
 from pipeline.actuators.calibrate import Calibration
@@ -18,6 +17,7 @@ from pipeline.batch import Manifest
 from pipeline.feedback.cell_weights import check_limits, lowered
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.robot import load_robot
 from pipeline.robot_check.agreement import models_agree
 
@@ -51,7 +51,7 @@ def actuator_measurements(robot: str) -> dg.AssetSpec:
 )
 def actuator_calibration(context: dg.AssetExecutionContext, plan: Plan):
     """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
-    values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
+    values = PROJECT.read("actuators.yaml", ActuatorSettings)
     folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
     found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
     context.log.info(f"{len(found.motors)} motors, calibrated again: {', '.join(found.recomputed) or 'none'}")
@@ -113,12 +113,12 @@ def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest, plan: P
     """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
     name = plan.robot or DEFAULT_ROBOT
     nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
-    values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
+    values = PROJECT.read("actuators.yaml", ActuatorSettings)
     calibrations = [Calibration.from_dict(each) for each in actuator_calibration.settings.values()]
     feedback = approved_part(PROJECT, "motors", plan.robot)
     calibrated = adapt(nominal, calibrations, values)
     if feedback:
-        rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
+        rules = PROJECT.read("feedback_rules.yaml", FeedbackRules)
         check_limits(calibrated, feedback, rules.motors.lowest)
     actuators = lowered(calibrated, feedback)
     robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)

@@ -9,7 +9,6 @@ import dagster as dg
 
 from assets.approved import approved_part
 from assets.plan import Plan, robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import result_of, robot_asset
 from assets.resources import store_left_to_others
 from assets.tracker_choice import tracker_file
@@ -26,6 +25,7 @@ from assets.training_process import (
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.training.config import preset
 
 TRACKED = ("reference_motions", "augmented_motions", "tracking_policy")

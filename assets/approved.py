@@ -12,12 +12,12 @@ from typing import Any
 import dagster as dg
 
 from assets.plan import group_of, key_of
-from assets.project import Project
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import Approvals, part_of, part_version
 from pipeline.feedback.change import Change
 from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import Project
 
 PROPOSAL = dg.AssetKey(["curation_feedback"])
 

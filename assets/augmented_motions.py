@@ -12,7 +12,6 @@ import pandas as pd
 
 from assets.checks import check_specs
 from assets.plan import Plan
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, robot_asset, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import materialized, stage_of
@@ -20,7 +19,7 @@ from assets.tracker_choice import no_tracker, tracker_file
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.clips.outcome import Outcome
-from pipeline.files import settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.tracking.before_after import by_skill
 from pipeline.tracking.neighbours import compared_with_neighbours
@@ -50,7 +49,7 @@ def augmented_motions(
 
     folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
     robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
-    values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
+    values = PROJECT.read("tracking.yaml", TrackingSettings)
     found = tracker_file(PROJECT, tracking_policy)
     if found is None:
         why = no_tracker(plan.robot or DEFAULT_ROBOT)

@@ -16,7 +16,6 @@ from assets.approved import approved_versions
 from assets.freshness import last_tags, stale_reasons
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import SHARED, Plan, key_of, plans, robot_plans
-from assets.project import DEFAULT_ROBOT, Project
 from assets.sources import (
     DATA_VERSION_TAG,
     RAW_MOTIONS,
@@ -27,6 +26,7 @@ from assets.sources import (
 )
 from assets.tracker_choice import trackers_for
 from pipeline.errors import PipelineError
+from pipeline.project import DEFAULT_ROBOT, Project
 
 
 def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:

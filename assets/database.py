@@ -9,7 +9,6 @@ import pandas as pd
 from assets.bootstrap import stale_now
 from assets.database_checks import BLOCKING, CHECKS, judge_database, last_verdicts, realizability_check
 from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import asset_of, curator_link, picture, result_of, robot_asset, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
@@ -19,6 +18,7 @@ from pipeline.expert.index import database_version
 from pipeline.expert.swap import replace_folder
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 
 

@@ -16,7 +16,6 @@ from assets.limit_cycles import limit_cycles
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.plan import robot_plans
 from assets.policy import exported_policy
-from assets.project import PROJECT
 from assets.release import release_report
 from assets.report import assets_of
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -33,6 +32,7 @@ from assets.source_jobs import rerun_source
 from assets.sources import raw_motions
 from assets.tracker_choice import ALWAYS, job_of
 from assets.validation import cross_engine_validation, mujoco_validation, webots_validation
+from pipeline.project import PROJECT
 
 
 def policy_assets(robot: str) -> list[Any]:

@@ -8,12 +8,11 @@ import dagster as dg
 from assets.hardware import trials_of as files_of
 from assets.plan import TRIALS, Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, served
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, picture, result_of, robot_asset, table_of
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
-from pipeline.files import settings
 from pipeline.hardware_logs.trial import read_trial
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
@@ -31,7 +30,7 @@ def limit_cycles(
     from pipeline.validation.limit_cycle_walks import limit_cycles as find
     from pipeline.viewing.validation_plots import limit_cycle_plots
 
-    values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
+    values = PROJECT.read("limit_cycles.yaml", LimitCycleSettings)
     robot = plan.robot or DEFAULT_ROBOT
     judged, rules = evaluated_policy(config, exported_policy, robot)
     policy, facts = digest(judged.policy), served(exported_policy)

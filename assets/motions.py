@@ -8,7 +8,6 @@ import dagster as dg
 from assets.approved import approval_metadata, approved_part
 from assets.checks import check_specs
 from assets.plan import SHARED
-from assets.project import PROJECT
 from assets.report import asset_of, picture, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
@@ -17,6 +16,7 @@ from pipeline.batch import Manifest, run_files, run_stage
 from pipeline.feedback.windows import chosen_windows
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import PROJECT
 from pipeline.selection import Curation, idle_patterns, process
 
 CATALOG, SELECTED, REPAIRED = SHARED

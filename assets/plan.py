@@ -9,9 +9,9 @@ from typing import Any
 
 import dagster as dg
 
-from assets.project import DEFAULT_ROBOT, Project
 from pipeline.batch.code_version import code_version
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, Project
 
 FINGERPRINT_TAG = "booster_lab/fingerprint"
 """Tag of a materialization: the asset's fingerprint at that time."""

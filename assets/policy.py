@@ -11,15 +11,15 @@ import dagster as dg
 import numpy as np
 
 from assets.plan import Plan, key_of
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import check_result, result_of, robot_asset
 from assets.training_process import curves_of
 from pipeline.batch import Manifest
 from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.export.card import page
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.robot import load_robot
-from pipeline.validation.bars import ValidationSettings, read_validation
+from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import Deployed, deployed
 
 EXACT = "gives_the_networks_actions"
@@ -164,7 +164,7 @@ def evaluated_policy(
     config: EvaluatedPolicyConfig, exported: Manifest, robot: str
 ) -> tuple[Deployed, ValidationSettings]:
     """The policy that is meant on the adapted robot, and the robot's bars. Raises FileError, SettingsError."""
-    bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
+    bars = PROJECT.validation(robot)
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
     return deployed(PROJECT.adapted_robot(robot), policy), bars
 

@@ -10,7 +10,6 @@ import dagster as dg
 from assets.approved import approval_metadata, approved_part
 from assets.checks import check_specs
 from assets.plan import Plan
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, robot_asset, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.stage import materialized, references_of, stage_of, thresholds, write_table
@@ -25,6 +24,7 @@ from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import further_variants, noting
 from pipeline.feedback.change import Change
 from pipeline.files import settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.robot.size import scaled
 

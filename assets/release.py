@@ -11,7 +11,6 @@ import numpy as np
 from assets.bootstrap import cause, stale_now
 from assets.plan import RELEASED, Plan, plans
 from assets.policy import served, served_policy
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import check_result, page_link, result_of, robot_asset
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
@@ -19,6 +18,7 @@ from pipeline.errors import PipelineError
 from pipeline.export.card import card_rows, read_card
 from pipeline.files import atomic, digest
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.release.dossier import Dossier, Origin, Picture, Verdict, verdict_of
 from pipeline.release.page import page
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant

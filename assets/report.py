@@ -12,11 +12,11 @@ import dagster as dg
 import pandas as pd
 
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of, key_of, robot_plans
-from assets.project import PROJECT
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.files.shown_text import markdown_table
 from pipeline.learning.training_error import TrainingError
+from pipeline.project import PROJECT
 from pipeline.robot import Robot
 from pipeline.robot.build import COLUMNS
 

@@ -14,7 +14,6 @@ from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
 from assets.database import expert_db
 from assets.plan import Plan, robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
 from assets.report import (
     assets_of,
@@ -42,6 +41,7 @@ from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.robot.size import scaled
 from pipeline.robot_check.agreement import models_agree
@@ -90,7 +90,7 @@ def retargeted_motions(
     from pipeline.retarget.process import onto_robot
 
     robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
-    values = settings.read(PROJECT.settings("retarget.yaml"), RetargetSettings)
+    values = PROJECT.read("retarget.yaml", RetargetSettings)
     stage = stage_of(plan, partial(onto_robot, settings=values, robot=robot), values)
     manifest = run_stage(stage, repaired_motions, PROJECT.store, clip_pool.pool(), context.log)
     numbers = ["worst_figure", "times_its_bar", "leg_ratio", "slip_m_s", "slip_strict_m_s", "drift_m"]
@@ -121,9 +121,9 @@ def feasible_motions(
     from pipeline.viewing.plots import command_seconds, lost_seconds
 
     robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-    values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
-    commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
-    curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
+    values = scaled(PROJECT.read("feasibility.yaml", FeasibilitySettings), robot)
+    commands = PROJECT.read("commands.yaml", CommandSettings)
+    curation = PROJECT.read("curation.yaml", Curation)
     kind = curation.expert_motions
     if untracked(augmented_motions, reference_motions) and kind != "references":
         context.log.warning(no_tracker(plan.robot or DEFAULT_ROBOT))

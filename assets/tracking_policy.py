@@ -6,7 +6,6 @@ from typing import Any, Literal
 import dagster as dg
 
 from assets.plan import Plan
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import result_of, robot_asset
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
@@ -16,6 +15,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import robot_facts
 from pipeline.files import digest
 from pipeline.learning.run_command import commit_of
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.tracking.task import ITERATIONS
 from pipeline.tracking.tracker_folder import read_card

@@ -11,13 +11,12 @@ import dagster as dg
 
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, picture, result_of, robot_asset, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
-from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot.load import read_description
 from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.figures import measure
@@ -111,7 +110,7 @@ def cross_engine_validation(
     from pipeline.validation.cross_engine_walk import CrossEngineSettings
     from pipeline.viewing.validation_plots import cross_engine_plots
 
-    grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
+    grid = PROJECT.read("cross_engine.yaml", CrossEngineSettings)
     robot = plan.robot or DEFAULT_ROBOT
     judged, bars = evaluated_policy(config, exported_policy, robot)
     found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
@@ -152,7 +151,7 @@ def webots_validation(
     """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
     from pipeline.validation.derived_bars import allowed_of
 
-    values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
+    values = PROJECT.read("webots.yaml", WebotsSettings)
     robot = plan.robot or DEFAULT_ROBOT
     judged, rules = evaluated_policy(config, exported_policy, robot)
     folder, source = PROJECT.data / "webots" / robot, read_description(PROJECT.adapted_robot(robot))

@@ -10,12 +10,12 @@ import pytest
 
 from assets import amp_policy, policy, resources, training_process
 from assets.plan import SHARED, robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.deployment import load_policy
 from pipeline.expert import ExpertEntry, write_database
 from pipeline.export.metadata import trained_task
+from pipeline.project import Project
 from tests.factories.robot_clips import standing, wandering
 from tests.factories.sweeps import SETTINGS
 

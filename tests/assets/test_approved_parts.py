@@ -17,11 +17,11 @@ from assets.approved import (
 )
 from assets.bootstrap import made_for, upstream
 from assets.plan import Plan, robot_plans
-from assets.project import Project
 from assets.reference_motions import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import SettingsError
 from pipeline.feedback.approved import EMPTY, entries_of, noting, write_entries
+from pipeline.project import Project
 from tests.factories.feedback_project import feedback_project
 from tests.factories.trial_reports import failure, proposal, report, saturated
 

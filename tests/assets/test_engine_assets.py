@@ -11,10 +11,10 @@ import yaml
 
 from assets import limit_cycles, policy, validation
 from assets.plan import robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import deployment_task, digest
+from pipeline.project import Project
 from pipeline.robot import Robot
 from tests.factories.policies import still_policy
 

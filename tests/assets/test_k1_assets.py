@@ -13,12 +13,12 @@ import yaml
 
 from assets import failure_modes, feedback, limit_cycles, policy, resources, validation
 from assets.plan import robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.batch import Manifest
 from pipeline.deployment import digest, load_policy, save_policy
 from pipeline.export.folder import Source, export_policy
 from pipeline.failures.trial_report import TrialReport
+from pipeline.project import Project
 from pipeline.robot import Robot, load_robot
 from pipeline.validation import suites
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT

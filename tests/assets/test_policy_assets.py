@@ -14,10 +14,10 @@ from assets.bootstrap import _parents, made_for, upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
 from assets.plan import digest_of_robot, plans, robot_plans
-from assets.project import PROJECT, Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.batch import Manifest
 from pipeline.export.folder import Source, export_policy
+from pipeline.project import PROJECT, Project
 from tests.factories.networks import network_file
 from tests.factories.training_stand_in import write_training_stand_in
 

@@ -12,11 +12,11 @@ import pytest
 
 from assets import bootstrap, definitions, freshness, resources, tracker_choice, tracking_policy, training_process
 from assets.plan import SHARED, plans, robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.training_process import TrainingFailedError
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.batch import Entry, Manifest
+from pipeline.project import Project
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main
 from pipeline.tracking.tracker import load_tracker

@@ -8,10 +8,10 @@ import pytest
 
 from assets import policy, validation
 from assets.plan import robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import deployment_task, digest
+from pipeline.project import Project
 from pipeline.robot import Robot
 from pipeline.validation import suites
 from tests.factories.policies import still_policy
