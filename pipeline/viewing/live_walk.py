@@ -91,10 +91,7 @@ class LiveWalk:
         most = SLEW * self.control_s
         self.command = self.command + np.clip(self.goal - self.command, -most, most)
         state = plant.state()
-        reading = one.reads.read(state)
-        target = self._controller.targets(
-            reading.gyro_b, reading.gravity_b, self.command, reading.joint_pos, reading.joint_vel
-        )
+        target = self._controller.targets(one.reads.read(state), self.command)
         for _ in range(steps_of(one.task.control_hz, plant.timestep_s)):
             state = plant.state()
             pushed = self._push_left_s > 1e-9
