@@ -107,16 +107,8 @@ class LiveWalk:
 
     def record(self) -> RobotClip:
         """All control steps since the last start."""
-        root_pos_w, root_quat_w, joint_pos = (np.array(rows) for rows in zip(*self._rows, strict=True))
-        return RobotClip(
-            name="walk",
-            fps=self.one.task.control_hz,
-            robot=self.one.robot.name,
-            joint_names=self.one.robot.joint_names,
-            root_pos_w=root_pos_w,
-            root_quat_w=root_quat_w,
-            joint_pos=joint_pos,
-        )
+        poses = (np.array(rows) for rows in zip(*self._rows, strict=True))
+        return self.one.robot.clip("walk", self.one.task.control_hz, *poses)
 
 
 def surface(

@@ -78,15 +78,8 @@ def pose_clip(trial: Trial, robot: Robot) -> RobotClip:
         raise FileError(trial.name, "joints and attitude were never recorded together.")
     root_pos, root_quat = np.full((len(known), 3), np.nan), np.full((len(known), 4), np.nan)
     root_pos[frames], root_quat[frames] = root_poses(robot, rpy[frames], joint_pos[frames])
-    return RobotClip(
-        name=trial.name,
-        fps=trial.rate_hz / step,
-        robot=robot.name,
-        joint_names=robot.joint_names,
-        root_pos_w=root_pos,
-        root_quat_w=root_quat,
-        joint_pos=np.where(known[:, None], joint_pos, np.nan),
-    )
+    joint_pos = np.where(known[:, None], joint_pos, np.nan)
+    return robot.clip(trial.name, trial.rate_hz / step, root_pos, root_quat, joint_pos)
 
 
 def _actuators(project: Project, robot: Robot) -> Sequence[JointActuator]:
