@@ -35,9 +35,8 @@ from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, 
 from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
-from pipeline.feasibility.criteria_table import split
-from pipeline.feasibility.evaluated import READ as OF_RESULTS
-from pipeline.feasibility.evaluated import Results, ResultsOfPieces, with_evaluated, without_evaluated
+from pipeline.feasibility.criteria_table import split, with_origins
+from pipeline.feasibility.evaluated import criteria_of_pieces, together, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
@@ -161,13 +160,18 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         tracked = references_of(candidates, reference_motions)
         function = partial(process, settings=values, robot=robot, references=tracked)
         stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
-        results = results_at_hand(references) if kind != "rollouts" else {}
-        rest, known = without_evaluated(candidates, stage, results)
+        evaluated = criteria_at_hand(references) if kind != "rollouts" else None
+        pieces = set() if evaluated is None else set(evaluated["piece"].cat.categories)
+        rest, known = without_evaluated(candidates, stage, pieces)
         if known:
             context.log.info(f"{plan.name}: {len(known)} references were evaluated by {references.name}")
         manifest = run_stage(stage, rest, PROJECT.store, clip_pool.pool(), context.log)
-        manifest = with_evaluated(manifest, stage, known, results)
-        manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
+        manifest, criteria = split(manifest, thresholds())
+        if evaluated is not None and known:
+            seconds = {entry.clip: float(entry.numbers["seconds"]) for entry in known}
+            own = with_origins(criteria_of_pieces(evaluated, seconds), thresholds())
+            manifest, criteria = with_evaluated(manifest, stage, known), together([criteria, own])
+        manifest = without_excluded(manifest, curation.decisions)
         damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
         manifest = _weighed(manifest, values, commands)
         feedback = approved_part(PROJECT, "weights", plan.robot)
@@ -193,13 +197,11 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
     return feasible_motions
 
 
-def results_at_hand(references: Plan) -> Results:
-    """What KP5 found on each reference, by name; nothing where its table is not that of the stored references."""
+def criteria_at_hand(references: Plan) -> pd.DataFrame | None:
+    """What KP5 found on the references; None where its table is not that of the stored references."""
     manifest = PROJECT.store.manifest_path(references.key.to_user_string())
     path = criteria_table.path_beside(manifest)
-    if not criteria_table.belongs(path, manifest):
-        return {}
-    return ResultsOfPieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
+    return criteria_table.read(path, manifest, references.name) if criteria_table.belongs(path, manifest) else None
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:
