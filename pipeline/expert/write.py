@@ -35,7 +35,7 @@ HERE = ClipPool(backend="sequential")
 
 A_CALL = 16
 """Clips that a process writes before it reports."""
-AT_A_TIME = 512
+AT_A_TIME = 2048
 """Clips whose entries are at hand at a time where several processes write."""
 
 MAX_JOINT_STEP = 0.05
@@ -157,15 +157,12 @@ def write_database(
         head = manifest.facts(rows, robot, stages)
         shown = pd.DataFrame([{name: row.get(name) for name in dataset_card.COLUMNS} for row in rows])
         (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
-        text = manifest.sealed(part, head)
-        changed = [row["file"] for row in rows if text["files"].get(row["file"]) != row["sha256"]]
-        if changed:
-            raise DatabaseError(part, [f"{file}: its content is not what was written" for file in changed])
+        text = manifest.sealed(part, head, {row["file"]: row["sha256"] for row in rows})
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
         made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part, frames=False)  # frames are read back when first written; copies are bytes
+        check_database(part, frames=False)  # by digests; frames are read back when first written, copies are bytes
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -235,6 +232,7 @@ def _write_clips(
     """A row of the index for each entry, written. Raises DatabaseError where a clip does not read back."""
     names: set[str] = set()
     texts: dict[str, str] = {}
+    stages, stages_text = None, ""
     faults: list[str] = []
     for few in _in_batches(entries, pool):
         for entry in few:
@@ -250,7 +248,11 @@ def _write_clips(
             faults += own_faults
             if isinstance(entry.clip, StoredClip):
                 known.made[entry.clip.blob] = own
-            row = index.row(
+            if entry.stages is not stages:
+                stages, text = entry.stages, json.dumps(entry.stages, sort_keys=True, allow_nan=False)
+                # Of what stages say of a clip only reasons are its own: equal texts are kept once.
+                stages_text = texts.setdefault(text, text)
+            yield index.row(
                 entry.numbers,
                 clip=entry.clip.name,
                 file=own.file,
@@ -261,10 +263,8 @@ def _write_clips(
                 weight=entry.weight,
                 skill=entry.skill,
                 licence=entry.licence,
-                stages=json.dumps(entry.stages, sort_keys=True, allow_nan=False),
+                stages=stages_text,
             )
-            # Of what stages say of a clip only reasons are its own: equal texts are kept once.
-            yield {**row, "stages": texts.setdefault(row["stages"], row["stages"])}
     if faults:
         raise DatabaseError(part, faults)
 
