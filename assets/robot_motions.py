@@ -31,6 +31,7 @@ from assets.stage import materialized, references_of, stage_of, thresholds, writ
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
+from pipeline.batch.shard import MISSING
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
 from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
@@ -168,8 +169,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         manifest = run_stage(stage, rest, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())
         if evaluated is not None and known:
-            seconds = {entry.clip: float(entry.numbers["seconds"]) for entry in known}
-            own = with_origins(criteria_of_pieces(evaluated, seconds), thresholds())
+            own = with_origins(criteria_of_pieces(evaluated, known), thresholds())
             manifest, criteria = with_evaluated(manifest, stage, known), together([criteria, own])
         manifest = without_excluded(manifest, curation.decisions)
         damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
@@ -216,9 +216,10 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
     """
     if kind == "rollouts":
         return rollouts
-    at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
-    kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
-    references = dataclasses.replace(references, entries=kept)
+    at_fault = {clip for clip, fault in rollouts.findings("clip", AT_FAULT) if fault is not MISSING and fault}
+    if at_fault:
+        kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
+        references = dataclasses.replace(references, entries=kept)
     if kind == "references":
         return references
     return dataclasses.replace(

@@ -120,8 +120,9 @@ def belongs(path: Path, manifest: Path) -> bool:
 def read(
     path: Path, manifest: Path, asset: str = "feasible_motions", columns: Sequence[str] | None = None
 ) -> pd.DataFrame:
-    """The table at `path`, its texts as categories. Raises FileError, with the asset to materialize, where there is none
-    of this manifest.
+    """The table at `path`, its texts as categories.
+
+    Raises FileError, with the asset to materialize, where there is none of this manifest.
 
     Args:
         path: file of the table
@@ -179,7 +180,9 @@ def _table(rows: Iterable[tuple]) -> pd.DataFrame:
             else:
                 parts[name].append(np.array([known.setdefault(text, len(known)) for text in values], dtype=np.int32))
     columns = {name: np.concatenate(parts.pop(name) or [np.zeros(0)]) for name in COLUMNS}
-    return pd.DataFrame({name: _texts(list(places[name]), own) if name in places else own for name, own in columns.items()})
+    return pd.DataFrame(
+        {name: _texts(list(places[name]), own) if name in places else own for name, own in columns.items()}
+    )
 
 
 def _texts(texts: Sequence[str], rows: np.ndarray) -> pd.Categorical:

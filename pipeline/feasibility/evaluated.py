@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
-from pipeline.batch import Entry, Judged, Manifest, Rows, Stage, changed
+from pipeline.batch import Entry, Judged, Manifest, Rows, Stage
 from pipeline.batch.shard import Shard, cut, shard_of
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES
 from pipeline.feasibility.criterion import MOTION, REGISTERED
@@ -22,9 +22,7 @@ from pipeline.feasibility.gait_signature import COLUMN as SIGNATURE
 T = TypeVar("T")
 
 
-def without_evaluated(
-    candidates: Manifest, stage: Stage, pieces: Collection[str]
-) -> tuple[Manifest, Rows[Entry]]:
+def without_evaluated(candidates: Manifest, stage: Stage, pieces: Collection[str]) -> tuple[Manifest, Rows[Entry]]:
     """The candidates that are still to be evaluated, and those that the code, settings and robot of `stage` evaluated.
 
     Args:
@@ -35,13 +33,21 @@ def without_evaluated(
 
     asked = (stage.version, stage.settings_digest)
 
-    def is_known(entry: Entry) -> bool:
-        last = entry.record[-1] if entry.record and entry.clip in pieces else None
-        return last is not None and (last["version"], last["settings"]) == asked
+    def is_known(clip: str, record: Sequence[Mapping[str, Any]]) -> bool:
+        return clip in pieces and bool(record) and (record[-1]["version"], record[-1]["settings"]) == asked
 
-    rest = changed(Entry, candidates.entries, lambda entry: None if is_known(entry) else entry)
-    known = changed(Entry, candidates.entries, lambda entry: entry if is_known(entry) else None)
-    return dataclasses.replace(candidates, entries=rest), known
+    rest: list[Shard[Entry]] = []
+    known: list[Shard[Entry]] = []
+    for shard in candidates.entry_shards:
+        columns = shard.columns(["clip", "record"])
+        found = [is_known(*row) for row in zip(columns["clip"], columns["record"], strict=True)]
+        if all(found) or not any(found):
+            (known if found[0] else rest).append(shard)
+            continue
+        for shards, wanted in ((known, True), (rest, False)):
+            rows = [row for row, is_one in zip(shard.rows(), found, strict=True) if is_one == wanted]
+            shards.append(shard_of(Entry, rows))
+    return dataclasses.replace(candidates, entries=Rows(rest)), Rows(known)
 
 
 def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry]) -> Manifest:
@@ -113,18 +119,18 @@ def _judged(entry: Entry) -> Judged:
     return Judged(clip=entry.clip, pieces=(entry.clip,), reasons=(), numbers={**whole, **numbers})
 
 
-def criteria_of_pieces(table: pd.DataFrame, known: Mapping[str, float]) -> pd.DataFrame:
+def criteria_of_pieces(table: pd.DataFrame, known: Rows[Entry]) -> pd.DataFrame:
     """The rows that KP5's table of criteria would have on pieces that left it, if they were evaluated again.
 
     Args:
         table: rows of the evaluation that they left, texts as categories
-        known: name of each piece -> its length [s]
+        known: the pieces
     """
-    pieces = table["piece"].cat.categories
-    wanted = pieces.isin(list(known))[table["piece"].cat.codes] if len(table) else np.zeros(0, dtype=bool)
-    own = table[wanted].reset_index(drop=True)
-    seconds = np.array([known.get(piece, 0.0) for piece in pieces], dtype=float)
-    own = own.assign(clip=own["piece"], start_s=0.0, stop_s=seconds[own["piece"].cat.codes])
+    columns = [shard.columns(["clip", "seconds"]) for shard in known.shards]
+    seconds = {clip: own for each in columns for clip, own in zip(each["clip"], each["seconds"], strict=True)}
+    of_piece = np.array([seconds.get(piece, np.nan) for piece in table["piece"].cat.categories])
+    stop_s = of_piece[table["piece"].cat.codes]
+    own = table.assign(clip=table["piece"], start_s=0.0, stop_s=stop_s)[~np.isnan(stop_s)].reset_index(drop=True)
     return own.assign(**{name: own[name].cat.remove_unused_categories() for name in _texts_of(own)})
 
 

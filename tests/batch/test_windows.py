@@ -92,7 +92,7 @@ def test_windows_of_a_clip_that_cannot_be_prepared_are_rejected_each_by_its_name
 
 def passed_on(clip, numbers, prepared=None):
     """The clip as it is, twice, and a copy of it that is lifted by the number of its window."""
-    lifted = clip.root_pos_w + [0.0, 0.0, numbers["first"]]
+    lifted = clip.root_pos_w + np.array([0.0, 0.0, numbers["first"]])
     clips = [dataclasses.replace(clip, name=f"{clip.name}+{index}") for index in range(2)]
     clips.append(dataclasses.replace(clip, name=f"{clip.name}+2", root_pos_w=lifted))
     return Outcome(pieces=tuple(Piece(clip=each) for each in clips))

@@ -184,8 +184,7 @@ def test_what_left_kp5_has_the_same_results_without_a_second_evaluation(robot: R
     for at_hand in (names, names[::2]):
         rest, known = without_evaluated(references, stage, at_hand)
         assert [entry.clip for entry in known] == at_hand and len(rest.entries) == len(names) - len(at_hand)
-        seconds = {entry.clip: entry.numbers["seconds"] for entry in known}
-        own = with_origins(criteria_of_pieces(criteria, seconds), ORIGINS)
+        own = with_origins(criteria_of_pieces(criteria, known), ORIGINS)
         found, others = criteria_table.split(run_stage(stage, rest, store, HERE, LOG), ORIGINS)
         found = with_evaluated(found, stage, known)
         assert found.to_text() == expected.to_text()
