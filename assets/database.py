@@ -53,7 +53,7 @@ def materialize_database(
         data_version=dg.DataVersion(digest.of_file(folder / MANIFEST)),  # its files are checked below
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
-    yield from judge_database(plan, frames=False)  # they were read when they were first written
+    yield from judge_database(plan, frames=False)  # they were checked when they were first written
     yield realizable
 
 

@@ -18,14 +18,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
-from pipeline.expert.frames import FPS, columns, frames_of_clips, numbers_text, rounded
-from pipeline.expert.read import DatabaseError, check_database, read_clip
+from pipeline.expert.frames import FPS, columns, expert_frames, frames_of_clips, numbers_text, rounded
+from pipeline.expert.read import DatabaseError, check_database, faults_of_frames, read_clip
 from pipeline.expert.swap import DatabaseSettings, current, replace_folder
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
@@ -162,7 +163,7 @@ def write_database(
         made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part, frames=False)  # by digests; frames are read back when first written, copies are bytes
+        check_database(part, frames=False)  # by digests; frames were checked when they were first written
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -197,7 +198,7 @@ class Known:
 def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     """The JSON of one clip: keys in a fixed order, a line a frame."""
     clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
-    (text,) = _frames_texts([clip], robot)
+    text = _frames_text(rounded(expert_frames(clip, robot), len(robot.controlled)))
     return _head(entry, loop_mode(clip), robot, _columns_text(robot)) + text
 
 
@@ -221,9 +222,8 @@ def _head(entry: ExpertEntry, mode: str, robot: Robot, columns_text: str) -> byt
     return ("{\n" + ",\n".join(lines) + ",\n").encode()
 
 
-def _frames_texts(clips: Sequence[RobotClip], robot: Robot) -> Iterator[bytes]:
-    for frames in frames_of_clips(clips, robot):
-        yield FRAMES + numbers_text(rounded(frames, len(robot.controlled))) + b"\n]}\n"
+def _frames_text(frames: Float[np.ndarray, "t c"]) -> bytes:
+    return FRAMES + numbers_text(frames) + b"\n]}\n"
 
 
 def _write_clips(
@@ -289,11 +289,15 @@ Written = tuple[WrittenFrames, str, list[str]]
 def _write_files(
     part: Path, entries: list[tuple[ExpertEntry, WrittenFrames | None]], robot: Robot, in_place: Path
 ) -> list[Written]:
-    """Entries written: those whose frames the database in place has are copied, others encoded and read back."""
+    """Entries written: those whose frames the database in place has are copied, others checked and encoded.
+
+    The first that is encoded is read back from the disk, as that takes as long as encoding.
+    """
     columns_text, head = _columns_text(robot), manifest.frame_facts(robot)
     copied = [written.text(in_place) if written else None for _, written in entries]
     new = _encoded([entry for (entry, _), text in zip(entries, copied, strict=True) if text is None], robot)
     done: list[Written] = []
+    read_back = False
     for (entry, written), text in zip(entries, copied, strict=True):
         faults: list[str] = []
         if written is not None and text is not None:
@@ -301,17 +305,22 @@ def _write_files(
             data = _head(entry, own.loop_mode, robot, columns_text) + text
             (part / own.file).write_bytes(data)
         else:
-            own, text = next(new)
+            own, text, faults = next(new)
             data = _head(entry, own.loop_mode, robot, columns_text) + text
             (part / own.file).write_bytes(data)
-            read_clip(part, own.file, entry.clip.name, head, faults)
+            if not read_back:
+                faults, read_back = [], True
+                read_clip(part, own.file, entry.clip.name, head, faults)
         done.append((own, digest.of_bytes(data), faults))
     return done
 
 
-def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[WrittenFrames, bytes]]:
+def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[WrittenFrames, bytes, list[str]]]:
+    """The frames of each entry, their text and their faults."""
     clips = [entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load() for entry in entries]
-    for clip, text in zip(clips, _frames_texts(clips, robot), strict=True):
+    for clip, frames in zip(clips, frames_of_clips(clips, robot), strict=True):
+        frames = rounded(frames, len(robot.controlled))
+        text = _frames_text(frames)
         written = WrittenFrames(
             file=file_name(clip.name),
             text_sha256=digest.of_bytes(text),
@@ -319,7 +328,7 @@ def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[Wri
             seconds=clip.duration_s,
             loop_mode=loop_mode(clip),
         )
-        yield written, text
+        yield written, text, faults_of_frames(written.file, frames)
 
 
 def _check(entry: ExpertEntry, names: Container[str]) -> None:
