@@ -48,6 +48,8 @@ COLUMNS = {
 is what was left to the threshold, over the threshold; `message` what is wrong, or why it does not apply; `setting`
 names the threshold in data/feasibility.yaml, `source` and `why` are what stands there."""
 
+TEXTS = tuple(name for name, kind in COLUMNS.items() if kind == pa.string())
+
 ROWS_AT_A_TIME = 10_000
 """Rows that are turned into plain columns and written at a time; in memory a text that many rows have is there once."""
 
@@ -135,8 +137,8 @@ def read(
             "the table of criteria is not of what is stored." if path.is_file() else "there is no table of criteria."
         )
         raise FileError(path, problem, f"Run: dagster asset materialize --select {asset}")
-    texts = [name for name, kind in COLUMNS.items() if kind == pa.string()]
-    return pq.read_table(path, columns=None if columns is None else list(columns), read_dictionary=texts).to_pandas()
+    wanted = None if columns is None else list(columns)
+    return pq.read_table(path, columns=wanted, read_dictionary=list(TEXTS)).to_pandas()
 
 
 def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
@@ -169,7 +171,7 @@ def _table(rows: Iterable[tuple]) -> pd.DataFrame:
     To save memory, rows are read in batches and not kept: a text is stored as the index of its first occurrence and
     becomes a category.
     """
-    places: dict[str, dict[str, int]] = {name: {} for name, kind in COLUMNS.items() if kind == pa.string()}
+    places: dict[str, dict[str, int]] = {name: {} for name in TEXTS}
     parts: dict[str, list[np.ndarray]] = {name: [] for name in COLUMNS}
     rest = iter(rows)
     while few := list(itertools.islice(rest, ROWS_AT_A_TIME)):

@@ -16,6 +16,7 @@ from pandas.api.types import union_categoricals
 from pipeline.batch import Entry, Judged, Manifest, Rows, Stage
 from pipeline.batch.shard import Shard, cut, shard_of
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES
+from pipeline.feasibility.criteria_table import TEXTS
 from pipeline.feasibility.criterion import MOTION, REGISTERED
 from pipeline.feasibility.gait_signature import COLUMN as SIGNATURE
 
@@ -130,19 +131,16 @@ def criteria_of_pieces(table: pd.DataFrame, known: Rows[Entry]) -> pd.DataFrame:
     seconds = {clip: own for each in columns for clip, own in zip(each["clip"], each["seconds"], strict=True)}
     of_piece = np.array([seconds.get(piece, np.nan) for piece in table["piece"].cat.categories])
     stop_s = of_piece[table["piece"].cat.codes]
-    own = table.assign(clip=table["piece"], start_s=0.0, stop_s=stop_s)[~np.isnan(stop_s)].reset_index(drop=True)
-    return own.assign(**{name: own[name].cat.remove_unused_categories() for name in _texts_of(own)})
+    own = table.assign(clip=table["piece"], start_s=0.0, stop_s=stop_s).loc[~np.isnan(stop_s)].reset_index(drop=True)
+    return own.assign(**{name: own[name].cat.remove_unused_categories() for name in TEXTS})
 
 
 def together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """The rows of tables of criteria, by the names of their clips; the rows of a clip are in one of them."""
     texts = {
-        name: union_categoricals([each[name] for each in tables], sort_categories=True) for name in _texts_of(tables[0])
+        name: union_categoricals([pd.Categorical(each[name]) for each in tables], sort_categories=True)
+        for name in TEXTS
     }
     table = pd.concat([each.drop(columns=list(texts)) for each in tables], ignore_index=True).assign(**texts)
     order = np.argsort(table["clip"].cat.codes.to_numpy(), kind="stable")
     return table.iloc[order].reset_index(drop=True)[list(tables[0].columns)]
-
-
-def _texts_of(table: pd.DataFrame) -> list[str]:
-    return list(table.select_dtypes("category").columns)
