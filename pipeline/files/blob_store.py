@@ -123,10 +123,13 @@ class BlobStore:
         """
         path = self.path(blob)
         do = "Materialize again: what is damaged or gone is made again."
-        if not path.is_file() and not self.copied(blob):
-            where = f" here and at {self.remote.url}" if self.remote else ""
-            raise StoreError(path, f"the blob is missing{where}.", do)
-        data = path.read_bytes()
+        try:
+            data = path.read_bytes()
+        except FileNotFoundError:
+            if not self.copied(blob):
+                where = f" here and at {self.remote.url}" if self.remote else ""
+                raise StoreError(path, f"the blob is missing{where}.", do) from None
+            data = path.read_bytes()
         if digest.of_bytes(data) != blob:
             with contextlib.suppress(OSError):  # a store that is only read
                 path.unlink()
