@@ -56,18 +56,18 @@ class Solver:
     def __init__(self, robot: Robot):
         self.robot, self.body = robot, measure(robot)
         self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, _urdf(robot))
-        self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
+        self._joints = robot.controlled_index
+        self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.controlled])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
         for side in range(2):
             joint, sign = ankle_pitch(robot, side)
             limit = self._lower if sign > 0.0 else self._upper
             limit[joint] += sign * ANKLE_MARGIN
-        for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
+        self._lower, self._upper = self._lower[self._joints], self._upper[self._joints]
+        for name, lower, upper in zip(robot.controlled, self._lower, self._upper, strict=True):
             self._wrapper.set_joint_limits(name, lower, upper)
         self._solver = self._wrapper.make_solver()
         self._solver.enable_joint_limits(True)
-        for name in set(robot.joint_names) - set(robot.controlled):
-            self._solver.mask_dof(name)
         self._add_tasks()
         self._matrices: tuple | None = None
 
@@ -152,10 +152,12 @@ class Solver:
             state = self._wrapper.state.q
             solving = todo is None or todo[frame] or bool(np.abs(state - states[frame]).max() > BACK_ON_START)
             states[frame] = state
+        joint_pos = np.tile(self.robot.default_joint_pos, (frames, 1))
+        joint_pos[:, self._joints] = states[:, self._columns]
         return Trajectory(
             root_pos_w=states[:, :3].copy(),
             root_quat_w=rotation.make_continuous(np.roll(states[:, 3:7], 1, axis=1)),
-            joint_pos=states[:, self._columns],
+            joint_pos=joint_pos,
         )
 
     def matrices_of(self, targets: Targets) -> tuple[Float[np.ndarray, "t 3 3"], Float[np.ndarray, "t 2 3 3"]]:
@@ -176,7 +178,7 @@ class Solver:
         q = np.array(self._wrapper.state.q)
         q[:3] = root_pos_w
         q[3:7] = np.roll(root_quat_w, -1)
-        q[self._columns] = np.clip(joint_pos, self._lower, self._upper)
+        q[self._columns] = np.clip(joint_pos[self._joints], self._lower, self._upper)
         self._go_to(q)
 
     def _go_to(self, q: Float[np.ndarray, " q"]) -> None:
@@ -188,12 +190,13 @@ class Solver:
         states = np.tile(np.array(self._wrapper.state.q), (len(trajectory.joint_pos), 1))
         states[:, :3] = trajectory.root_pos_w
         states[:, 3:7] = np.roll(trajectory.root_quat_w, -1, axis=1)
-        states[:, self._columns] = trajectory.joint_pos
+        states[:, self._columns] = trajectory.joint_pos[:, self._joints]
         return states
 
     def _limit_speed(self, settings: RetargetSettings) -> None:
         self._solver.dt = 1.0 / settings.fps
-        for name, limit in zip(self.robot.joint_names, self.robot.retarget_speed_limit, strict=True):
+        limits = self.robot.retarget_speed_limit[self._joints]
+        for name, limit in zip(self.robot.controlled, limits, strict=True):
             self._wrapper.set_velocity_limit(name, settings.speed_share * limit)
 
     def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
@@ -210,7 +213,8 @@ class _Feed:
 
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"], weights: WeightSettings):
         self._solver = solver
-        self._names, self._waist_name = solver.robot.joint_names, solver.robot.joint_names[solver.body.waist]
+        self._names, self._waist_name = solver.robot.controlled, solver.robot.joint_names[solver.body.waist]
+        posture = posture[:, solver._joints]
         self._pelvis, self._feet, self._limbs = targets.pelvis_pos_w, targets.foot_pos_w, targets.limb_dir_w
         self._trunk, self._foot_rot = solver.matrices_of(targets)
         self._waist: list[float] = targets.waist_pos.tolist()
@@ -311,8 +315,12 @@ def _frame_on(robot: Robot, link: str) -> str:
 
 
 def _urdf(robot: Robot) -> str:
-    """The robot's URDF with a frame of its own for each link that has the name of a joint."""
+    """The robot's URDF with a frame of its own for each link that has the name of a joint; joints that are not
+    controlled are fixed."""
     root = Xml.fromstring(robot.urdf)
+    for joint in root.iter("joint"):
+        if joint.get("name") in set(robot.joint_names) - set(robot.controlled):
+            joint.set("type", "fixed")
     for link in robot.link_names:
         if link in robot.joint_names:
             Xml.SubElement(root, "link", name=f"{link}{FRAME}")
