@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
@@ -62,7 +62,7 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     planned_peak, start = peak_acceleration(planned_w, fps), None
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
 
-    def with_smooth_path(targets: Targets, reached_w: Float[np.ndarray, "t 3"]) -> Targets | None:
+    def with_smooth_path(targets: Targets, reached_w: np.ndarray) -> Targets | None:
         """The targets with the pelvis on a smooth path where a pass jerked it; None where it did not."""
         share = smoothed_share(planned_peak, reached_w, settings.pelvis, fps)
         if not share.any():
@@ -71,7 +71,7 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
         path_w = smoothed_path(planned_w, reached_w, share, settings.pelvis, fps)
         return dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=share)
 
-    def again(reached: Trajectory, changed: Bool[np.ndarray, " t"]) -> Trajectory:
+    def again(reached: Trajectory, changed: np.ndarray) -> Trajectory:
         return solver.solve(human.name, targets, rest, weights.posture_first, settings, reached, changed)
 
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)

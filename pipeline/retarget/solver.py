@@ -232,7 +232,9 @@ class _Feed:
         solver._trunk.R_world_frame = self._trunk[frame]
         solver._waist.set_joint(self._waist_name, self._waist[frame])
         if self._posture:
-            solver._posture.set_joints(dict(zip(self._names, self._posture[frame], strict=True)))
+            set_joint = solver._posture.set_joint
+            for name, angle in zip(self._names, self._posture[frame], strict=True):
+                set_joint(name, angle)
         feet, rotations = self._feet[frame], self._foot_rot[frame]
         for side in (0, 1):
             solver._foot_position[side].target_world = solver._foot_height[side].target_world = feet[side]
@@ -286,7 +288,7 @@ def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tu
 
 def _between(low: float | Weight, high: float, share: Weight) -> Weight:
     """`low` for 0, `high` for 1, geometrically between."""
-    return np.where(share == 0.0, low, np.where(share == 1.0, high, low * (high / low) ** share))
+    return np.where(share == 1.0, high, low * (high / low) ** share)
 
 
 def _rows(*columns: Weight) -> list[tuple[float, ...]]:
