@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET
 from pipeline.quality.retargeting import LIMBS
-from pipeline.retarget.foot_plan import Sole
+from pipeline.retarget.foot_plan import YAW, Sole, Z
 from pipeline.retarget.foot_spacing import faded, space_swings
 from pipeline.retarget.settings import ClearanceSettings
 from pipeline.retarget.targets import Targets
@@ -182,15 +182,14 @@ def _foot_correction(
 
 def _swings_apart(
     targets: Targets, poses: LinkPoses, robot: Robot, sole: Sole, settings: ClearanceSettings, spread: float
-) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 3"]]:
+) -> Float[np.ndarray, "2 t 3"]:
     """Ways [m] by which swinging feet go further outward where the first pass's feet come too close."""
     heading = rotation.yaw_of(poses.quat_w[:, robot.link(robot.human["pelvis"])])
-    feet = []
-    for name in FEET:
-        link = robot.link(robot.human[f"{name}_foot"])
-        toes_w = rotation.rotate(poses.quat_w[:, link], np.array([1.0, 0.0, 0.0]))
-        yaw = np.arctan2(toes_w[:, 1], toes_w[:, 0])
-        feet.append(np.column_stack([poses.pos_w[:, link], yaw, np.zeros_like(yaw)]))
-    pushed = [foot.copy() for foot in feet]
-    space_swings((pushed[0], pushed[1]), targets.contacts, heading, sole, settings.foot_gap, spread)
-    return pushed[0][:, :3] - feet[0][:, :3], pushed[1][:, :3] - feet[1][:, :3]
+    links = [robot.link(robot.human[f"{name}_foot"]) for name in FEET]
+    toes_w = rotation.rotate(poses.quat_w[:, links].swapaxes(0, 1), np.array([1.0, 0.0, 0.0]))
+    feet = np.zeros((*toes_w.shape[:2], 5))
+    feet[..., : Z + 1] = poses.pos_w[:, links].swapaxes(0, 1)
+    feet[..., YAW] = np.arctan2(toes_w[..., 1], toes_w[..., 0])
+    pushed = feet.copy()
+    space_swings(pushed, targets.contacts, heading, sole, settings.foot_gap, spread)
+    return pushed[..., : Z + 1] - feet[..., : Z + 1]

@@ -10,6 +10,7 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 import placo
 from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
@@ -63,9 +64,8 @@ class Solver:
             joint, sign = ankle_pitch(robot, side)
             limit = self._lower if sign > 0.0 else self._upper
             limit[joint] += sign * ANKLE_MARGIN
-        self._lower, self._upper = self._lower[self._joints], self._upper[self._joints]
-        for name, lower, upper in zip(robot.controlled, self._lower, self._upper, strict=True):
-            self._wrapper.set_joint_limits(name, lower, upper)
+        for joint in self._joints:
+            self._wrapper.set_joint_limits(robot.joint_names[joint], self._lower[joint], self._upper[joint])
         self._solver = self._wrapper.make_solver()
         self._solver.enable_joint_limits(True)
         self._add_tasks()
@@ -178,7 +178,7 @@ class Solver:
         q = np.array(self._wrapper.state.q)
         q[:3] = root_pos_w
         q[3:7] = np.roll(root_quat_w, -1)
-        q[self._columns] = np.clip(joint_pos[self._joints], self._lower, self._upper)
+        q[self._columns] = np.clip(joint_pos, self._lower, self._upper)[self._joints]
         self._go_to(q)
 
     def _go_to(self, q: Float[np.ndarray, " q"]) -> None:
@@ -195,9 +195,9 @@ class Solver:
 
     def _limit_speed(self, settings: RetargetSettings) -> None:
         self._solver.dt = 1.0 / settings.fps
-        limits = self.robot.retarget_speed_limit[self._joints]
-        for name, limit in zip(self.robot.controlled, limits, strict=True):
-            self._wrapper.set_velocity_limit(name, settings.speed_share * limit)
+        for joint in self._joints:
+            limit = settings.speed_share * self.robot.retarget_speed_limit[joint]
+            self._wrapper.set_velocity_limit(self.robot.joint_names[joint], limit)
 
     def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
         self._trunk.configure("trunk", "soft", weights.trunk)
@@ -317,12 +317,15 @@ def _frame_on(robot: Robot, link: str) -> str:
 
 
 def _urdf(robot: Robot) -> str:
-    """The robot's URDF with a frame of its own for each link that has the name of a joint; joints that are not
-    controlled are fixed."""
+    """The robot's URDF with what the tasks need: no sites, joints that are not controlled fixed at their default, and
+    a frame of its own for each link that has the name of a joint."""
     root = Xml.fromstring(robot.urdf)
-    for joint in root.iter("joint"):
-        if joint.get("name") in set(robot.joint_names) - set(robot.controlled):
-            joint.set("type", "fixed")
+    sites = {name for site in robot.site_names for name in (site, f"{site}_fixed")}
+    for part in list(root):
+        if part.get("name") in sites:
+            root.remove(part)
+    for name in set(robot.joint_names) - set(robot.controlled):
+        _fix(root, name, float(robot.default_joint_pos[robot.joint(name)]))
     for link in robot.link_names:
         if link in robot.joint_names:
             Xml.SubElement(root, "link", name=f"{link}{FRAME}")
@@ -330,3 +333,13 @@ def _urdf(robot: Robot) -> str:
             Xml.SubElement(joint, "parent", link=link)
             Xml.SubElement(joint, "child", link=f"{link}{FRAME}")
     return Xml.tostring(root, encoding="unicode")
+
+
+def _fix(urdf: Xml.Element, name: str, angle: float) -> None:
+    """Make a hinge of a URDF a fixed joint at `angle` [rad]."""
+    joint, origin, axis = (urdf.find(f"joint[@name='{name}']{below}") for below in ("", "/origin", "/axis"))
+    assert joint is not None and origin is not None and axis is not None
+    rpy, axis_b = (np.array(text.split(), float) for text in (origin.attrib["rpy"], axis.attrib["xyz"]))
+    turned = Rotation.from_euler("xyz", rpy) * Rotation.from_rotvec(angle * axis_b)
+    origin.set("rpy", " ".join(map(str, turned.as_euler("xyz"))))
+    joint.set("type", "fixed")
