@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.human_clip import body as body_index
 from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
@@ -24,6 +24,9 @@ FLAT_PERCENTILE = 30.0
 
 FLAT_TOLERANCE = 0.05
 """[rad] A foot pitched this much more than flat still counts as flat."""
+
+LIMB_STARTS, LIMB_ENDS = ([body_index(end) for end in ends] for ends in list(zip(*LIMBS, strict=True))[1:])
+"""Bodies at the upper and the lower end of each of `LIMBS`."""
 
 PLAUSIBLE_LEG = (0.3, 1.4)
 """Leg lengths [m] of anything that is a person; outside of it the unit is wrong."""
@@ -123,8 +126,11 @@ def plan_targets(
     waist_pos = waist_angle(trunk_quat_w, heading)
 
     def centre_of(clip: HumanClip) -> Float[np.ndarray, "t 3"]:
-        middle_w = np.mean([clip.pos(f"{side}_hip") for side in FEET], axis=0)
-        return ratio * (middle_w - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
+        return ratio * (clip.both("hip").mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [
+            0.0,
+            0.0,
+            body.sole.depth,
+        ]
 
     centre_w = centre_of(clip)
     hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
@@ -147,7 +153,7 @@ def plan_targets(
         pelvis_smoothed=np.zeros(clip.frame_count),
         trunk_quat_w=trunk_quat_w,
         waist_pos=waist_pos,
-        limb_dir_w=np.stack([rotation.normalize(clip.pos(low) - clip.pos(up)) for _, up, low in LIMBS], axis=1),
+        limb_dir_w=rotation.normalize(clip.body_pos_w[:, LIMB_ENDS] - clip.body_pos_w[:, LIMB_STARTS]),
         leg_ratio=ratio,
         foothold_moved=moved,
         lateral_share=float(share.min()),

@@ -15,7 +15,7 @@ from pipeline.retarget.clearance import _sideways_or_shortest, shank_overlap, th
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.foot_reach import Hips, lacking
 from pipeline.retarget.narrowing import lateral_share, narrowed
-from pipeline.retarget.pelvis_path import fading_grip, held_share, peak_acceleration, smoothed_path, smoothed_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.robot_body import ankle_pitch
 from pipeline.retarget.solver import FRAME, Solver, solver_for
 from pipeline.retarget.trunk_lean import limited_lean
@@ -145,12 +145,12 @@ def jerked(acceleration_m_s2: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_calm_path_is_not_smoothed():
     planned_w, reached_w = jerked(0.9 * SETTINGS.pelvis.jerky_ratio * SETTINGS.pelvis.least_peak_m_s2)
-    assert not smoothed_share(peak_acceleration(planned_w, FPS), reached_w, SETTINGS.pelvis, FPS).any()
+    assert not smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS).any()
 
 
 def test_a_jerked_path_is_smoothed_around_the_jerk_alone():
     planned_w, reached_w = jerked(20.0)
-    share = smoothed_share(peak_acceleration(planned_w, FPS), reached_w, SETTINGS.pelvis, FPS)
+    share = smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS)
     assert share[195:206].min() > 0.99
     assert not share[:150].any()
     assert not share[250:].any()
