@@ -282,10 +282,9 @@ def _weights_of_pelvis(targets: Targets, weights: WeightSettings) -> tuple[Weigh
 
 def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tuple[Weight, Weight]:
     """Weights of a foot's horizontal position and of its orientation in each frame."""
-    stands = targets.contacts[:, side].astype(float)
     return (
         _between(weights.swing_position, weights.stance_position, targets.grip[:, side]),
-        _between(weights.swing_orientation, weights.stance_orientation, stands),
+        np.where(targets.contacts[:, side], weights.stance_orientation, weights.swing_orientation),
     )
 
 
