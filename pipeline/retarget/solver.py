@@ -4,7 +4,6 @@ One solver a process and robot: a placo wrapper that is dropped leaks, and build
 a short clip. A solver keeps nothing of a clip: every clip starts from the same state.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
@@ -70,7 +69,7 @@ class Solver:
         self._solver = self._wrapper.make_solver()
         self._solver.enable_joint_limits(True)
         self._add_tasks()
-        self._rows: dict[str, tuple[np.ndarray, list]] = {}
+        self._matrices: tuple | None = None
 
     def _add_tasks(self) -> None:
         solver, zero, identity = self._solver, np.zeros(3), np.eye(3)
@@ -161,11 +160,12 @@ class Solver:
             joint_pos=joint_pos,
         )
 
-    def rows_of(self, name: str, values: np.ndarray, make: Callable[[np.ndarray], list]) -> list:
-        """What `make` makes of an array of the targets; the passes of a clip share most arrays, so the last is kept."""
-        if name not in self._rows or self._rows[name][0] is not values:
-            self._rows[name] = (values, make(values))
-        return self._rows[name][1]
+    def matrices_of(self, targets: Targets) -> tuple[Float[np.ndarray, "t 3 3"], Float[np.ndarray, "t 2 3 3"]]:
+        """Rotation matrices of trunk and feet; the passes of a clip share them, so the last ones are kept."""
+        quats = (targets.trunk_quat_w, targets.foot_quat_w)
+        if self._matrices is None or any(new is not old for new, old in zip(quats, self._matrices[0], strict=True)):
+            self._matrices = (quats, (rotation.to_matrix(quats[0]), rotation.to_matrix(quats[1])))
+        return self._matrices[1]
 
     def _start(
         self,
@@ -215,14 +215,11 @@ class _Feed:
         self._solver = solver
         self._names, self._waist_name = solver.robot.controlled, solver.robot.joint_names[solver.body.waist]
         posture = posture[:, solver._joints]
-        self._pelvis, self._waist = list(targets.pelvis_pos_w), targets.waist_pos.tolist()
-        self._feet = solver.rows_of("feet", targets.foot_pos_w, _by_frame)
-        self._limbs = solver.rows_of("limbs", targets.limb_dir_w, _by_frame)
-        self._trunk = solver.rows_of("trunk", targets.trunk_quat_w, lambda quat: list(rotation.to_matrix(quat)))
-        self._soles = solver.rows_of("soles", targets.foot_quat_w, lambda quat: _by_frame(rotation.to_matrix(quat)))
-        constant = bool((posture == posture[0]).all())
-        self._posture = [] if constant else posture.tolist()
-        if constant:
+        self._pelvis, self._feet, self._limbs = targets.pelvis_pos_w, targets.foot_pos_w, targets.limb_dir_w
+        self._trunk, self._foot_rot = solver.matrices_of(targets)
+        self._waist: list[float] = targets.waist_pos.tolist()
+        self._posture = [] if _is_constant(posture) else posture.tolist()
+        if _is_constant(posture):
             solver._posture.set_joints(dict(zip(self._names, posture[0].tolist(), strict=True)))
         self._held = _rows(*_weights_of_pelvis(targets, weights))
         self._feet_held = [_rows(*_weights_of_foot(targets, side, weights)) for side in range(2)]
@@ -238,10 +235,10 @@ class _Feed:
             set_joint = solver._posture.set_joint
             for name, angle in zip(self._names, self._posture[frame], strict=True):
                 set_joint(name, angle)
-        feet, soles = self._feet[frame], self._soles[frame]
+        feet, rotations = self._feet[frame], self._foot_rot[frame]
         for side in (0, 1):
             solver._foot_position[side].target_world = solver._foot_height[side].target_world = feet[side]
-            solver._foot_orientation[side].R_world_frame = soles[side]
+            solver._foot_orientation[side].R_world_frame = rotations[side]
             held = self._feet_held[side][frame]
             if held != self._feet_now[side]:
                 self._feet_now[side] = held
@@ -297,9 +294,9 @@ def _rows(*columns: Weight) -> list[tuple[float, ...]]:
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _by_frame(values: Float[np.ndarray, "t n *shape"]) -> list[tuple[np.ndarray, ...]]:
-    """In each frame the n arrays; slicing them one by one in the loop over frames takes twice as long."""
-    return list(zip(*values.swapaxes(0, 1), strict=True))
+def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:
+    """A posture that stays is set in the solver once."""
+    return bool((posture == posture[0]).all())
 
 
 def solver_for(robot: Robot) -> Solver:
