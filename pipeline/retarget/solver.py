@@ -215,11 +215,11 @@ class _Feed:
         self._solver = solver
         self._names, self._waist_name = solver.robot.controlled, solver.robot.joint_names[solver.body.waist]
         posture = posture[:, solver._joints]
+        self._posture = None if (posture == posture[0]).all() else posture
         self._pelvis, self._feet, self._limbs = targets.pelvis_pos_w, targets.foot_pos_w, targets.limb_dir_w
         self._trunk, self._foot_rot = solver.matrices_of(targets)
         self._waist: list[float] = targets.waist_pos.tolist()
-        self._posture = [] if _is_constant(posture) else posture.tolist()
-        if _is_constant(posture):
+        if self._posture is None:
             solver._posture.set_joints(dict(zip(self._names, posture[0].tolist(), strict=True)))
         self._held = _rows(*_weights_of_pelvis(targets, weights))
         self._feet_held = [_rows(*_weights_of_foot(targets, side, weights)) for side in range(2)]
@@ -231,9 +231,9 @@ class _Feed:
         solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis[frame]
         solver._trunk.R_world_frame = self._trunk[frame]
         solver._waist.set_joint(self._waist_name, self._waist[frame])
-        if self._posture:
+        if self._posture is not None:
             set_joint = solver._posture.set_joint
-            for name, angle in zip(self._names, self._posture[frame], strict=True):
+            for name, angle in zip(self._names, self._posture[frame].tolist(), strict=True):
                 set_joint(name, angle)
         feet, rotations = self._feet[frame], self._foot_rot[frame]
         for side in (0, 1):
@@ -292,11 +292,6 @@ def _between(low: float | Weight, high: float, share: Weight) -> Weight:
 
 def _rows(*columns: Weight) -> list[tuple[float, ...]]:
     return list(zip(*(column.tolist() for column in columns), strict=True))
-
-
-def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:
-    """A posture that stays is set in the solver once."""
-    return bool((posture == posture[0]).all())
 
 
 def solver_for(robot: Robot) -> Solver:
