@@ -29,7 +29,7 @@ def low_and_slow(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, 
     """Frames in which the toe is low (over its 5th percentile) and slow."""
     toes_w = clip.both("toe")
     speed = rotation.length(time_series.derivative(toes_w, clip.fps))
-    height = toes_w[..., 2] - np.percentile(toes_w[..., 2], 5.0, axis=0)
+    height = toes_w[..., 2] - percentile(toes_w[..., 2], 5.0)
     return (height < settings.toe_height) & (speed < settings.toe_speed_m_s)
 
 
@@ -171,6 +171,15 @@ def median(values: np.ndarray) -> np.ndarray | np.floating:
     """Median over the frames of a stance; the bits of `np.median`, which takes longer to start than to sort them."""
     ordered = np.sort(values, axis=0)
     return (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2.0
+
+
+def percentile(values: np.ndarray, percent: float) -> np.ndarray | np.floating:
+    """Percentile along the first axis, linear between values; the bits of `np.percentile` in a fifth of its time."""
+    ordered = np.sort(values, axis=0)
+    place = (len(values) - 1) * (percent / 100.0)
+    low, high = ordered[int(place)], ordered[min(int(place) + 1, len(values) - 1)]
+    share = place - int(place)
+    return low + (high - low) * share if share < 0.5 else high - (high - low) * (1.0 - share)
 
 
 def _mean_angle(angles: np.ndarray, near: float) -> float:

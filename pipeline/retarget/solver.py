@@ -209,15 +209,24 @@ class Solver:
 
 
 class _Feed:
-    """Hands a frame's targets to the tasks of a solver."""
+    """Hands a frame's targets to the tasks of a solver.
+
+    The numbers of a frame are copied into one buffer, of which every task is given its part: slicing all arrays in
+    every frame takes three times as long.
+    """
 
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"], weights: WeightSettings):
         self._solver = solver
         self._names, self._waist_name = solver.robot.controlled, solver.robot.joint_names[solver.body.waist]
         posture = posture[:, solver._joints]
         self._posture = None if (posture == posture[0]).all() else posture
-        self._pelvis, self._feet, self._limbs = targets.pelvis_pos_w, targets.foot_pos_w, targets.limb_dir_w
-        self._trunk, self._foot_rot = solver.matrices_of(targets)
+        parts = (targets.pelvis_pos_w, *solver.matrices_of(targets), targets.foot_pos_w, targets.limb_dir_w)
+        self._rows = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+        self._row = np.empty(self._rows.shape[1])
+        pieces = np.split(self._row, np.cumsum([part[0].size for part in parts])[:-1])
+        self._pelvis, *others = (piece.reshape(part.shape[1:]) for piece, part in zip(pieces, parts, strict=True))
+        self._trunk, soles, feet, limbs = others
+        self._soles, self._feet, self._limbs = list(soles), list(feet), list(zip(solver._limbs, limbs, strict=True))
         self._waist: list[float] = targets.waist_pos.tolist()
         if self._posture is None:
             solver._posture.set_joints(dict(zip(self._names, posture[0].tolist(), strict=True)))
@@ -227,24 +236,23 @@ class _Feed:
         self._feet_now: list[tuple[float, ...]] = [(), ()]
 
     def set(self, frame: int) -> None:
-        solver = self._solver
-        solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis[frame]
-        solver._trunk.R_world_frame = self._trunk[frame]
+        solver, self._row[:] = self._solver, self._rows[frame]
+        solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis
+        solver._trunk.R_world_frame = self._trunk
         solver._waist.set_joint(self._waist_name, self._waist[frame])
         if self._posture is not None:
             set_joint = solver._posture.set_joint
             for name, angle in zip(self._names, self._posture[frame].tolist(), strict=True):
                 set_joint(name, angle)
-        feet, rotations = self._feet[frame], self._foot_rot[frame]
         for side in (0, 1):
-            solver._foot_position[side].target_world = solver._foot_height[side].target_world = feet[side]
-            solver._foot_orientation[side].R_world_frame = rotations[side]
+            solver._foot_position[side].target_world = solver._foot_height[side].target_world = self._feet[side]
+            solver._foot_orientation[side].R_world_frame = self._soles[side]
             held = self._feet_held[side][frame]
             if held != self._feet_now[side]:
                 self._feet_now[side] = held
                 solver._foot_position[side].configure(FEET[side], "soft", held[0])
                 solver._foot_orientation[side].configure(FEET[side], "soft", held[1])
-        for task, direction in zip(solver._limbs, self._limbs[frame], strict=True):
+        for task, direction in self._limbs:
             task.targetAxis_world = direction
         if self._held[frame] != self._pelvis_now:
             self._hold_pelvis(self._held[frame])

@@ -12,7 +12,7 @@ from pipeline.clips.human_clip import body as body_index
 from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget import foot_plan, foot_reach, foot_spacing
-from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z, median
+from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z, median, percentile
 from pipeline.retarget.foot_reach import Hips
 from pipeline.retarget.narrowing import lateral_share, narrowed
 from pipeline.retarget.robot_body import RobotBody
@@ -56,8 +56,8 @@ def measure(clip: HumanClip, contacts: Bool[np.ndarray, "t 2"]) -> Proportions:
     ankle_height, flat_pitch = np.empty(2), np.empty(2)
     for side in range(2):
         pitch, height = pitches[:, side], toes[:, side, 2]
-        stands = contacts[:, side] if contacts[:, side].any() else height <= np.percentile(height, 10.0)
-        flat_pitch[side] = np.percentile(pitch[stands], FLAT_PERCENTILE)
+        stands = contacts[:, side] if contacts[:, side].any() else height <= percentile(height, 10.0)
+        flat_pitch[side] = percentile(pitch[stands], FLAT_PERCENTILE)
         flat = pitch[stands] <= flat_pitch[side] + FLAT_TOLERANCE
         ankle_height[side] = median(ankles[stands, side, 2][flat])
     leg = float(np.mean(legs))

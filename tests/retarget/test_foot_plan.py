@@ -92,6 +92,13 @@ def test_swings_are_lifted_over_the_ground():
     assert lifted[:, PITCH].min() >= FEET.lowest_pitch
 
 
+@pytest.mark.parametrize("percent", [0.0, 5.0, 30.0, 50.0, 77.7, 100.0])
+@pytest.mark.parametrize("count", [1, 2, 9, 40])
+def test_percentiles_are_numpys_to_the_bit(count, percent):
+    values = np.random.default_rng(count).normal(size=(count, 2))
+    np.testing.assert_array_equal(foot_plan.percentile(values, percent), np.percentile(values, percent, axis=0))
+
+
 def feet_apart(lateral: float, frames: int = 30) -> np.ndarray:
     feet = np.zeros((2, frames, 5))
     feet[0, :, 1], feet[1, :, 1] = lateral / 2, -lateral / 2
