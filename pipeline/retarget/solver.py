@@ -64,7 +64,7 @@ class Solver:
             joint, sign = ankle_pitch(robot, side)
             limit = self._lower if sign > 0.0 else self._upper
             limit[joint] += sign * ANKLE_MARGIN
-        for joint in self._joints:
+        for joint in self._joints.tolist():
             self._wrapper.set_joint_limits(robot.joint_names[joint], self._lower[joint], self._upper[joint])
         self._solver = self._wrapper.make_solver()
         self._solver.enable_joint_limits(True)
@@ -195,7 +195,7 @@ class Solver:
 
     def _limit_speed(self, settings: RetargetSettings) -> None:
         self._solver.dt = 1.0 / settings.fps
-        for joint in self._joints:
+        for joint in self._joints.tolist():
             limit = settings.speed_share * self.robot.retarget_speed_limit[joint]
             self._wrapper.set_velocity_limit(self.robot.joint_names[joint], limit)
 
