@@ -64,8 +64,9 @@ class Solver:
             joint, sign = ankle_pitch(robot, side)
             limit = self._lower if sign > 0.0 else self._upper
             limit[joint] += sign * ANKLE_MARGIN
-        for joint in self._joints.tolist():
-            self._wrapper.set_joint_limits(robot.joint_names[joint], self._lower[joint], self._upper[joint])
+        for name in robot.controlled:
+            lower, upper = (float(limit[robot.joint(name)]) for limit in (self._lower, self._upper))
+            self._wrapper.set_joint_limits(name, lower, upper)
         self._solver = self._wrapper.make_solver()
         self._solver.enable_joint_limits(True)
         self._add_tasks()
@@ -195,9 +196,9 @@ class Solver:
 
     def _limit_speed(self, settings: RetargetSettings) -> None:
         self._solver.dt = 1.0 / settings.fps
-        for joint in self._joints.tolist():
-            limit = settings.speed_share * self.robot.retarget_speed_limit[joint]
-            self._wrapper.set_velocity_limit(self.robot.joint_names[joint], limit)
+        limits = settings.speed_share * self.robot.retarget_speed_limit[self._joints]
+        for name, limit in zip(self.robot.controlled, limits.tolist(), strict=True):
+            self._wrapper.set_velocity_limit(name, limit)
 
     def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
         self._trunk.configure("trunk", "soft", weights.trunk)
