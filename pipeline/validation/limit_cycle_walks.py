@@ -1,12 +1,14 @@
 """Limit cycles of a policy's steady walk in each engine and in hardware logs, compared at each speed."""
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from pipeline.errors import PipelineError, UnknownNameError
+from pipeline.files.settings import plain
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
 from pipeline.robot.description import SIDES
@@ -58,15 +60,7 @@ class SpeedCycles:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON types."""
-        return {
-            "speed_m_s": self.speed_m_s,
-            "required": self.required,
-            "why": self.why,
-            "cycles": self.rows(),
-            "comparisons": [asdict(each) for each in self.comparisons],
-            "missing": list(self.missing),
-            "reasons": list(self.reasons),
-        }
+        return plain(dataclasses.replace(self, cycles={})) | {"cycles": self.rows()}
 
 
 def limit_cycles(
