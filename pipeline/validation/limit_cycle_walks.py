@@ -13,7 +13,6 @@ from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
 from pipeline.robot.description import SIDES
 from pipeline.robot.legs import legs_of
-from pipeline.simulation.run import run
 from pipeline.validation.bars import UNKNOWN, CellBars
 from pipeline.validation.cross_engine_walk import make_plant
 from pipeline.validation.deployed import Deployed
@@ -156,14 +155,10 @@ def walk_series(
     deployed: Deployed, engine: str, speed: float, settings: LimitCycleSettings
 ) -> tuple[JointSeries, JointSeries]:
     """Left and right leg of a steady walk in an engine. Raises FellError."""
-    walked = run(
-        deployed.robot,
+    walked = deployed.walk(
         make_plant(engine.lower(), deployed, settings.timestep_s, settings.friction),
-        deployed.controller(),
-        deployed.motors(),
         lambda time_s: np.array([min(speed, time_s), 0.0, 0.0]),
         settings.seconds,
-        sensors=deployed.reads,
         wrench_every=10_000,
         stop_on_fall=True,
     )
