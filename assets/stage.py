@@ -8,7 +8,6 @@ import pandas as pd
 
 from assets.checks import evaluate
 from assets.plan import Plan, digest_of_robot
-from assets.project import PROJECT
 from assets.report import curator_link, result_of, table_of
 from pipeline.batch import Manifest, Stage
 from pipeline.batch.shard import MISSING
@@ -18,6 +17,7 @@ from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criter
 from pipeline.feasibility.reference import CONTENT, StoredReferences
 from pipeline.files import settings
 from pipeline.files.sourced import Origin, origins
+from pipeline.project import PROJECT
 from pipeline.readers.listing import load_reference, named_reference
 
 
