@@ -85,7 +85,7 @@ def replay(task: DeploymentTask, policy: Policy, **readings: np.ndarray) -> Gold
 def write_golden(path: Path, golden: GoldenVectors) -> None:
     """Write golden vectors as an npz of double precision, whole or not at all."""
     stream = io.BytesIO()
-    np.savez(stream, **{each.name: getattr(golden, each.name) for each in fields(golden)})
+    np.savez_compressed(stream, **{each.name: getattr(golden, each.name) for each in fields(golden)})
     atomic.write_bytes(path, stream.getvalue())
 
 
