@@ -14,7 +14,7 @@ from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.dataset_export import export_database
 from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database
-from pipeline.expert.index import database_version
+from pipeline.expert.manifest import FILE as MANIFEST
 from pipeline.expert.swap import replace_folder
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.files import digest, settings
@@ -53,22 +53,27 @@ def expert_db(
     yield dg.MaterializeResult(
         asset_key=plan.key,
         metadata=metadata,
-        data_version=dg.DataVersion(database_version(folder)),
+        data_version=dg.DataVersion(digest.of_file(folder / MANIFEST)),  # its files are checked below
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
-    yield from judge_database(plan, frames=False)  # they were read when they were first written
+    yield from judge_database(plan, frames=False)  # they were checked when they were first written
     yield realizable
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:
+    """An entry for each clip; clips one after the other with equal records share what is said of their stages."""
+    record, stages = None, {}
     for entry in feasible.entries:
+        if entry.record != record:
+            record = entry.record
+            stages = {"stages": [{**done, "parameters": feasible.settings[done["settings"]]} for done in record]}
         yield ExpertEntry(
             clip=StoredClip(name=entry.clip, blob=entry.blob, store=PROJECT.store),
             weight=entry.numbers["weight"],
             skill=entry.numbers["skill"],
             licence=entry.numbers["licence"],
             numbers=entry.numbers,
-            stages={"stages": [{**done, "parameters": feasible.settings[done["settings"]]} for done in entry.record]},
+            stages=stages,
         )
 
 

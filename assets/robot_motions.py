@@ -30,13 +30,13 @@ from assets.stage import materialized, references_of, stage_of, thresholds, writ
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
+from pipeline.batch.shard import MISSING
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
 from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
-from pipeline.feasibility.criteria_table import split
-from pipeline.feasibility.evaluated import READ as OF_RESULTS
-from pipeline.feasibility.evaluated import Results, ResultsOfPieces, with_evaluated, without_evaluated
+from pipeline.feasibility.criteria_table import split, with_origins
+from pipeline.feasibility.evaluated import criteria_of_pieces, together, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
@@ -133,13 +133,17 @@ def feasible_motions(
     function = partial(process, settings=values, robot=robot, references=tracked)
     stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
     references = robot_plans(robot.name)["reference_motions"]
-    results = results_at_hand(references) if kind != "rollouts" else {}
-    rest, known = without_evaluated(candidates, stage, results)
+    evaluated = criteria_at_hand(references) if kind != "rollouts" else None
+    pieces = set() if evaluated is None else set(evaluated["piece"].cat.categories)
+    rest, known = without_evaluated(candidates, stage, pieces)
     if known:
         context.log.info(f"{plan.name}: {len(known)} references were evaluated by {references.name}")
     manifest = run_stage(stage, rest, PROJECT.store, clip_pool.pool(), context.log)
-    manifest = with_evaluated(manifest, stage, known, results)
-    manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
+    manifest, criteria = split(manifest, thresholds())
+    if evaluated is not None and known:
+        own = with_origins(criteria_of_pieces(evaluated, known), thresholds())
+        manifest, criteria = with_evaluated(manifest, stage, known), together([criteria, own])
+    manifest = without_excluded(manifest, curation.decisions)
     damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
     manifest = _weighed(manifest, values, commands)
     feedback = approved_part(PROJECT, "weights", plan.robot)
@@ -163,13 +167,11 @@ def feasible_motions(
     return result._replace(check_results=[*result.check_results, check])
 
 
-def results_at_hand(references: Plan) -> Results:
-    """What KP5 found on each reference, by name; nothing where its table is not that of the stored references."""
+def criteria_at_hand(references: Plan) -> pd.DataFrame | None:
+    """What KP5 found on the references; None where its table is not that of the stored references."""
     manifest = PROJECT.store.manifest_path(references.key.to_user_string())
     path = criteria_table.path_beside(manifest)
-    if not criteria_table.belongs(path, manifest):
-        return {}
-    return ResultsOfPieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
+    return criteria_table.read(path, manifest, references.name) if criteria_table.belongs(path, manifest) else None
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:
@@ -184,9 +186,10 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
     """
     if kind == "rollouts":
         return rollouts
-    at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
-    kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
-    references = dataclasses.replace(references, entries=kept)
+    at_fault = {clip for clip, fault in rollouts.findings("clip", AT_FAULT) if fault is not MISSING and fault}
+    if at_fault:
+        kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
+        references = dataclasses.replace(references, entries=kept)
     if kind == "references":
         return references
     return dataclasses.replace(

@@ -52,17 +52,19 @@ class Gmr:
     repo: Path
     """Its repository, checked out."""
 
-    def retarget(self, human: HumanClip, file: Path, robot: Robot) -> tuple[RobotClip, float]:
-        """GMR's motion for a clip of the BVH `file`, and its processor seconds (planning and inverse kinematics)."""
+    def retarget(
+        self, human: HumanClip, file: Path, robot: Robot, repeat: int = 0
+    ) -> tuple[RobotClip, tuple[float, ...]]:
+        """GMR's motion for a clip of the BVH `file`, and its processor seconds in each of `repeat` further runs."""
         names, pos_w, quat_w = joints_of(human, file)
         with tempfile.TemporaryDirectory() as folder:
             source, out = Path(folder) / "human.npz", Path(folder) / "robot.npz"
             np.savez(source, names=names, pos=pos_w, quat=quat_w)
-            command = [self.python, WORKER, self.repo, source, out]
+            command = [self.python, WORKER, self.repo, source, out, str(repeat)]
             one_core = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
             subprocess.run(command, check=True, env=one_core)
             with np.load(out) as result:
-                qpos, joints, cpu_s = result["qpos"], result["joint_names"].tolist(), float(result["cpu_s"])
+                qpos, joints, cpu_s = result["qpos"], result["joint_names"].tolist(), tuple(result["cpu_s"].tolist())
         return _clip(human, qpos, joints, robot), cpu_s
 
 

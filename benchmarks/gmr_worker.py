@@ -1,10 +1,11 @@
 """Runs GMR (General Motion Retargeting) on prepared human frames. Started by `retarget.py` with the Python of an
 environment in which `mink`, `mujoco`, `daqp` and `qpsolvers` are; nothing of the project is imported here.
 
-    gmr_worker.py GMR_REPO IN.npz OUT.npz
+    gmr_worker.py GMR_REPO IN.npz OUT.npz REPEAT
 
 IN: `names` (b,), `pos` (t, b, 3) [m], `quat` (t, b, 4) wxyz, world z up. OUT: `qpos` (t, 7 + joints) as in GMR's model,
-`joint_names`, `cpu_s`. GMR's package is imported without its viewer and body models, its T1 without the meshes.
+`joint_names`, `cpu_s` (REPEAT,), processor seconds of runs after the first, each from GMR's initial pose. GMR's package
+is imported without its viewer and body models, its T1 without the meshes.
 """
 
 from __future__ import annotations
@@ -23,15 +24,17 @@ HEIGHT = 1.75
 """Height of the person [m] that GMR's own loader of LAFAN1 states for every file."""
 
 
-def main(repo: Path, source: Path, out: Path) -> None:
+def main(repo: Path, source: Path, out: Path, repeat: int) -> None:
     data = np.load(source)
     names, pos, quat = data["names"].tolist(), data["pos"], data["quat"]
-    retargeter, joint_names = load(repo)
     frames = [{name: (pos[t, index], quat[t, index]) for index, name in enumerate(names)} for t in range(len(pos))]
-    start_s = time.process_time()
-    qpos = np.array([retargeter.retarget(frame) for frame in frames])
-    cpu_s = time.process_time() - start_s
-    np.savez(out, qpos=qpos, joint_names=joint_names, cpu_s=cpu_s)
+    cpu_s = []
+    for _ in range(1 + repeat):
+        retargeter, joint_names = load(repo)
+        start_s = time.process_time()
+        qpos = np.array([retargeter.retarget(frame) for frame in frames])
+        cpu_s.append(time.process_time() - start_s)
+    np.savez(out, qpos=qpos, joint_names=joint_names, cpu_s=cpu_s[1:])
 
 
 def load(repo: Path) -> tuple[Any, list[str]]:
@@ -65,4 +68,4 @@ def without_meshes(mjcf: str) -> str:
 
 
 if __name__ == "__main__":
-    main(*(Path(argument) for argument in sys.argv[1:4]))
+    main(*(Path(argument) for argument in sys.argv[1:4]), repeat=int(sys.argv[4]))

@@ -64,19 +64,17 @@ def _bracket(frame_count: int, fps: float, times_s: np.ndarray) -> tuple[np.ndar
 def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
     """Zero-phase low pass of `values` (t, ...): Butterworth order 2 run forward and back.
 
-    The two runs together are biomechanics' "fourth-order zero-lag" filter (Winter 2009); the cutoff
-    of each run is raised so that the result is at -3 dB at `cutoff_hz`. Clips too short to pad by one
+    The two runs together are biomechanics' "fourth-order zero-lag" filter (Winter 2009). Clips too short to pad by one
     period, or a cutoff near Nyquist (from .45 of the rate), come back unchanged.
     """
     if cutoff_hz >= 0.45 * fps:
         return np.array(values, dtype=float)
-    raised = fps / np.pi * np.arctan(np.tan(np.pi * cutoff_hz / fps) / (np.sqrt(2.0) - 1.0) ** 0.25)
     pad = min(int(3 * fps / cutoff_hz), len(values) - 1)
     if pad < int(fps / cutoff_hz):
         return np.array(values, dtype=float)
     from scipy.signal import sosfilt  # 25 MB that readers do without
 
-    sections, settled = _low_pass(float(raised), float(fps))
+    sections, settled = _low_pass(float(cutoff_hz), float(fps))
     settled = settled.reshape(1, 2, *([1] * (values.ndim - 1)))
     before, after = 2.0 * values[:1] - values[pad:0:-1], 2.0 * values[-1:] - values[-2 : -2 - pad : -1]
     padded = np.concatenate([before, values, after])
@@ -86,11 +84,12 @@ def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
 
 @functools.cache
 def _low_pass(cutoff_hz: float, fps: float) -> tuple[np.ndarray, np.ndarray]:
-    """Second-order sections of a Butterworth low pass of order 2 and their state after a long time of 1; designing it
-    takes longer than running it."""
+    """Second-order sections of a Butterworth low pass of order 2 that is at -3 dB at `cutoff_hz` when it is run twice,
+    and their state after a long time of 1; designing it takes longer than running it."""
     from scipy.signal import butter, sosfilt_zi
 
-    sections = np.asarray(butter(2, cutoff_hz, fs=fps, output="sos"))
+    raised = fps / np.pi * np.arctan(np.tan(np.pi * cutoff_hz / fps) / (np.sqrt(2.0) - 1.0) ** 0.25)
+    sections = np.asarray(butter(2, float(raised), fs=fps, output="sos"))
     return sections, np.asarray(sosfilt_zi(sections))
 
 
@@ -110,9 +109,10 @@ def smoothstep(share: np.ndarray) -> np.ndarray:
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """Half-open frame ranges [start, stop) in which the boolean `mask` (t,) holds."""
-    padded = np.concatenate([[False], np.asarray(mask, dtype=bool), [False]])
-    edges = np.flatnonzero(padded[1:] != padded[:-1])
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    padded = np.zeros(len(mask) + 2, dtype=bool)
+    padded[1:-1] = mask
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def without_short_runs(label: np.ndarray, shortest: int) -> np.ndarray:

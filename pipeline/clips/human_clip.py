@@ -123,6 +123,10 @@ class HumanClip(Frames):
         """Positions of one body, world frame [m]."""
         return self.body_pos_w[:, _INDEX[name]]
 
+    def both(self, part: str) -> Float[np.ndarray, "t 2 3"]:
+        """Positions of a body of both sides (left, right), world frame [m]."""
+        return self.body_pos_w[:, [_INDEX[f"{side}_{part}"] for side in FEET]]
+
     def quat(self, name: str) -> Float[np.ndarray, "t 4"]:
         """Orientations of one body, world frame, wxyz."""
         return self.body_quat_w[:, _INDEX[name]]

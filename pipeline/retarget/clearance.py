@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET
 from pipeline.quality.retargeting import LIMBS
-from pipeline.retarget.foot_plan import Sole
+from pipeline.retarget.foot_plan import YAW, Sole, Z
 from pipeline.retarget.foot_spacing import faded, space_swings
 from pipeline.retarget.settings import ClearanceSettings
 from pipeline.retarget.targets import Targets
@@ -30,6 +30,12 @@ CROSSED_GAIN = 3.5
 RAISED = 1.5
 """Way that a pelvis on a smoothed path is raised / depth of a sole below ground; the pelvis follows part of it."""
 
+ARMS = [limb for limb, (name, _, _) in enumerate(LIMBS) if name.endswith(("upper_arm", "forearm"))]
+"""Of `LIMBS`."""
+
+ARM_SIDES = [FEET.index(LIMBS[limb][0].split("_")[0]) for limb in ARMS]
+"""0 for a left one, 1 for a right one."""
+
 SHORTEST_LEVER = 0.1
 """[m] Points closer to the shoulder than this are turned as if they were this far."""
 
@@ -46,13 +52,13 @@ def turns_of(
         settings: distances
         spread: frames over which a turn comes and goes
     """
-    human, sides = robot.human, range(2)
+    human = robot.human
     names = [human[f"{side}_{part}"] for part in ("shoulder", "elbow", "hip", "knee") for side in FEET]
     places_w = kinematics.site_pos_w(poses, [*names, *robot.hands])
     shoulder_w, elbow_w, hip_w, knee_w, hand_w = (places_w[:, None, 2 * part : 2 * part + 2] for part in range(5))
     top_w, bottom_w = shoulder_w.mean(axis=2, keepdims=True), hip_w.mean(axis=2, keepdims=True)
     trunk_quat_w = poses.quat_w[:, robot.link(human["trunk"])]
-    outward_w = np.stack([rotation.rotate(trunk_quat_w, np.array([0.0, 1.0 - 2.0 * side, 0.0])) for side in sides], 1)
+    outward_w = rotation.rotate(trunk_quat_w[:, None], np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]))
     shares = np.array(ARM_POINTS)[:, None, None]
     point_w = elbow_w + shares * (hand_w - elbow_w)
     away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)
@@ -147,20 +153,17 @@ def cleared(
     """
     kinematics = Kinematics(robot)
     spread = settings.spread_s * fps
-    foot_pos_w, limb_dir_w = targets.foot_pos_w.copy(), targets.limb_dir_w.copy()
-    pelvis_pos_w = targets.pelvis_pos_w.copy()
+    pelvis_pos_w, limb_dir_w = targets.pelvis_pos_w.copy(), targets.limb_dir_w.copy()
     turns = rotation.from_rotvec(turns_of(kinematics, poses, robot, settings, spread))
-    apart_w = _swings_apart(targets, poses, robot, sole, settings, spread)
+    limb_dir_w[:, ARMS] = rotation.rotate(turns[:, ARM_SIDES], limb_dir_w[:, ARMS])
+    corners_w = kinematics.site_pos_w(poses, [name for names in robot.sole_corners for name in names])
+    lowest = corners_w[..., 2].reshape(len(corners_w), 2, -1).min(axis=2)
+    sunk = faded(np.maximum(-lowest, 0.0), spread)
+    foot_pos_w = targets.foot_pos_w + _foot_correction(targets, poses, robot, settings)
+    foot_pos_w[..., 2] += sunk
+    foot_pos_w += _swings_apart(targets, poses, robot, sole, settings, spread).swapaxes(0, 1)
     for side in range(2):
-        foot_pos_w[:, side] += _foot_correction(side, targets, poses, robot, settings)
-        corners_w = kinematics.site_pos_w(poses, robot.sole_corners[side])
-        sunk = faded(np.maximum(-corners_w[..., 2].min(axis=1), 0.0), spread)
-        foot_pos_w[:, side, 2] += sunk
-        pelvis_pos_w[:, 2] += RAISED * targets.pelvis_smoothed * sunk
-        foot_pos_w[:, side] += apart_w[side]
-        for limb, (name, _, _) in enumerate(LIMBS):
-            if name in (f"{FEET[side]}_upper_arm", f"{FEET[side]}_forearm"):
-                limb_dir_w[:, limb] = rotation.rotate(turns[:, side], limb_dir_w[:, limb])
+        pelvis_pos_w[:, 2] += RAISED * targets.pelvis_smoothed * sunk[:, side]
     crossed = shank_overlap(kinematics, poses, robot, settings)
     if crossed.any():
         heading = rotation.yaw_of(poses.quat_w[:, robot.link(robot.human["pelvis"])])
@@ -172,25 +175,28 @@ def cleared(
 
 
 def _foot_correction(
-    side: int, targets: Targets, poses: LinkPoses, robot: Robot, settings: ClearanceSettings
-) -> Float[np.ndarray, "t 3"]:
+    targets: Targets, poses: LinkPoses, robot: Robot, settings: ClearanceSettings
+) -> Float[np.ndarray, "t 2 3"]:
     """What the first pass missed in stances, no more than the setting allows; zero in swings."""
-    reached_w = poses.pos_w[:, robot.link(robot.human[f"{FEET[side]}_foot"])]
-    missed = np.clip(targets.foot_pos_w[:, side] - reached_w, -settings.highest_correction, settings.highest_correction)
-    return np.where(targets.contacts[:, side, None], settings.correction_share * missed, 0.0)
+    reached_w = poses.pos_w[:, _foot_links(robot)]
+    missed = np.clip(targets.foot_pos_w - reached_w, -settings.highest_correction, settings.highest_correction)
+    return np.where(targets.contacts[..., None], settings.correction_share * missed, 0.0)
 
 
 def _swings_apart(
     targets: Targets, poses: LinkPoses, robot: Robot, sole: Sole, settings: ClearanceSettings, spread: float
-) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 3"]]:
+) -> Float[np.ndarray, "2 t 3"]:
     """Ways [m] by which swinging feet go further outward where the first pass's feet come too close."""
     heading = rotation.yaw_of(poses.quat_w[:, robot.link(robot.human["pelvis"])])
-    feet = []
-    for name in FEET:
-        link = robot.link(robot.human[f"{name}_foot"])
-        toes_w = rotation.rotate(poses.quat_w[:, link], np.array([1.0, 0.0, 0.0]))
-        yaw = np.arctan2(toes_w[:, 1], toes_w[:, 0])
-        feet.append(np.column_stack([poses.pos_w[:, link], yaw, np.zeros_like(yaw)]))
-    pushed = [foot.copy() for foot in feet]
-    space_swings((pushed[0], pushed[1]), targets.contacts, heading, sole, settings.foot_gap, spread)
-    return pushed[0][:, :3] - feet[0][:, :3], pushed[1][:, :3] - feet[1][:, :3]
+    links = _foot_links(robot)
+    toes_w = rotation.rotate(poses.quat_w[:, links].swapaxes(0, 1), np.array([1.0, 0.0, 0.0]))
+    feet = np.zeros((*toes_w.shape[:2], 5))
+    feet[..., : Z + 1] = poses.pos_w[:, links].swapaxes(0, 1)
+    feet[..., YAW] = np.arctan2(toes_w[..., 1], toes_w[..., 0])
+    pushed = feet.copy()
+    space_swings(pushed, targets.contacts, heading, sole, settings.foot_gap, spread)
+    return pushed[..., : Z + 1] - feet[..., : Z + 1]
+
+
+def _foot_links(robot: Robot) -> list[int]:
+    return [robot.link(robot.human[f"{side}_foot"]) for side in FEET]

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.clips.human_clip import HumanClip
 from pipeline.retarget.settings import FootSettings, StanceSettings
 
 
@@ -27,13 +27,10 @@ def contacts_of(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, "
 
 def low_and_slow(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, "t 2"]:
     """Frames in which the toe is low (over its 5th percentile) and slow."""
-    columns = []
-    for side in FEET:
-        toe_pos_w = clip.pos(f"{side}_toe")
-        speed = rotation.length(time_series.derivative(toe_pos_w, clip.fps))
-        height = toe_pos_w[:, 2] - np.percentile(toe_pos_w[:, 2], 5.0)
-        columns.append((height < settings.toe_height) & (speed < settings.toe_speed_m_s))
-    return np.stack(columns, axis=-1)
+    toes_w = clip.both("toe")
+    speed = rotation.length(time_series.derivative(toes_w, clip.fps))
+    height = toes_w[..., 2] - percentile(toes_w[..., 2], 5.0)
+    return (height < settings.toe_height) & (speed < settings.toe_speed_m_s)
 
 
 def without_short_runs(label: Bool[np.ndarray, " t"], shortest: int, swing: int) -> Bool[np.ndarray, " t"]:
@@ -96,18 +93,18 @@ def lock_stances(
         ankle_to_toe: horizontal way from ankle to toe of the flat human foot, scaled [m]
     """
     locked = raw.copy()
+    pitch = _stance_pitch(raw[:, PITCH], settings)
+    edge = np.where(pitch > 0.0, sole.front, sole.rear)
+    pivot = sole.centre + settings.ball_share * (edge - sole.centre)
+    way = (pivot + sole.ankle_from_pivot(pivot, pitch))[:, None]
+    locked[contact, Z], locked[contact, PITCH] = sole.lowest_ankle(pitch)[contact], pitch[contact]
     for start, stop in time_series.runs(contact):
         span = slice(start, stop)
-        yaw = _mean_angle(toe_yaw[span], near=float(_median(raw[span, YAW])))
+        yaw = _mean_angle(toe_yaw[span], near=float(median(raw[span, YAW])))
         heading = np.array([np.cos(yaw), np.sin(yaw)])
-        flat_ankle = _median(toe_w[span]) - ankle_to_toe * heading
-        pitch = _stance_pitch(raw[span, PITCH], settings)
-        edge = np.where(pitch > 0.0, sole.front, sole.rear)
-        pivot = sole.centre + settings.ball_share * (edge - sole.centre)
-        locked[span, :2] = flat_ankle + heading * (pivot + sole.ankle_from_pivot(pivot, pitch))[:, None]
-        locked[span, Z] = sole.lowest_ankle(pitch)
+        flat_ankle = median(toe_w[span]) - ankle_to_toe * heading
+        locked[span, :2] = flat_ankle + heading * way[span]
         locked[span, YAW] = yaw
-        locked[span, PITCH] = pitch
     return locked
 
 
@@ -170,14 +167,23 @@ def _fading(frames: np.ndarray, reach: int) -> np.ndarray:
     return (reach * along * (1.0 - along) ** 2)[:, None]
 
 
-def _median(values: np.ndarray) -> np.ndarray | np.floating:
+def median(values: np.ndarray) -> np.ndarray | np.floating:
     """Median over the frames of a stance; the bits of `np.median`, which takes longer to start than to sort them."""
     ordered = np.sort(values, axis=0)
     return (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2.0
 
 
+def percentile(values: np.ndarray, percent: float) -> np.ndarray | np.floating:
+    """Percentile along the first axis, linear between values; the bits of `np.percentile` in a fifth of its time."""
+    ordered = np.sort(values, axis=0)
+    place = (len(values) - 1) * (percent / 100.0)
+    low, high = ordered[int(place)], ordered[min(int(place) + 1, len(values) - 1)]
+    share = place - int(place)
+    return low + (high - low) * share if share < 0.5 else high - (high - low) * (1.0 - share)
+
+
 def _mean_angle(angles: np.ndarray, near: float) -> float:
     """Median of angles [rad] around their circular mean, on the branch closest to `near`."""
     mean = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
-    centre = mean + _median(rotation.wrap(angles - mean))
+    centre = mean + median(rotation.wrap(angles - mean))
     return float(near + rotation.wrap(centre - near))

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.retarget.foot_plan import X, Z
-from pipeline.retarget.foot_spacing import push_outward
+from pipeline.retarget.foot_spacing import lateral_axis, push_outward
 from pipeline.retarget.robot_body import RobotBody
 
 
@@ -43,15 +43,15 @@ def hips_of(
     return Hips(pos_w=pos_w, left_w=left_w, sin_adduction=np.sin(body.hip_adduction))
 
 
-def lacking(foot: Float[np.ndarray, "t 5"], side: int, hips: Hips) -> Float[np.ndarray, " t"]:
-    """Way [m], 0 or more, that the ankle must go outward to be within the hip's adduction."""
-    leg_w = foot[:, X : Z + 1] - hips.pos_w[:, side]
-    outward = np.sum(leg_w * hips.left_w, axis=1) * (1.0 - 2.0 * side)
-    return np.maximum(-hips.sin_adduction[side] * rotation.length(leg_w) - outward, 0.0)
+def lacking(feet: Float[np.ndarray, "2 t 5"], hips: Hips) -> Float[np.ndarray, "2 t"]:
+    """Way [m], 0 or more, that each ankle must go outward to be within the hip's adduction."""
+    legs_w = feet[..., X : Z + 1] - hips.pos_w.swapaxes(0, 1)
+    outward = np.sum(legs_w * hips.left_w, axis=2) * [[1.0], [-1.0]]
+    return np.maximum(-hips.sin_adduction[:, None] * rotation.length(legs_w) - outward, 0.0)
 
 
 def bring_footholds_in_reach(
-    locked: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    locked: Float[np.ndarray, "2 t 5"],
     contacts: Bool[np.ndarray, "t 2"],
     heading: Float[np.ndarray, " t"],
     hips: Hips,
@@ -62,18 +62,17 @@ def bring_footholds_in_reach(
     Args:
         free: what may lack without a move [m]: the trunk gives way by as much
     """
-    lateral_w, largest = np.stack([-np.sin(heading), np.cos(heading)], axis=-1), 0.0
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        short = np.maximum(lacking(locked[side], side, hips) - free, 0.0)
+    lateral_w, largest = lateral_axis(heading), 0.0
+    for side, short in enumerate(np.maximum(lacking(locked, hips) - free, 0.0)):
         for start, stop in time_series.runs(contacts[:, side]):
             worst = start + int(np.argmax(short[start:stop]))
-            locked[side][start:stop, :2] += sign * short[worst] * lateral_w[worst]
+            locked[side, start:stop, :2] += (1.0 - 2.0 * side) * short[worst] * lateral_w[worst]
             largest = max(largest, float(short[worst]))
     return largest
 
 
 def bring_swings_in_reach(
-    plans: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    plans: Float[np.ndarray, "2 t 5"],
     contacts: Bool[np.ndarray, "t 2"],
     heading: Float[np.ndarray, " t"],
     hips: Hips,
@@ -85,6 +84,5 @@ def bring_swings_in_reach(
     Args:
         spread: frames over which a push comes and goes
     """
-    for side in range(2):
-        short = np.maximum(lacking(plans[side], side, hips) - free, 0.0)
+    for side, short in enumerate(np.maximum(lacking(plans, hips) - free, 0.0)):
         push_outward(plans[side], side, ~contacts[:, side], short, heading, spread)

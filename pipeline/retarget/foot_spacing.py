@@ -26,95 +26,80 @@ CORNER_GAP = 0.005
 
 
 def overlap(
-    left: Float[np.ndarray, "t 5"],
-    right: Float[np.ndarray, "t 5"],
-    heading: Float[np.ndarray, " t"],
-    sole: Sole,
-    gap: float,
+    feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, gap: float
 ) -> Float[np.ndarray, " t"]:
     """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between their soles."""
-    along, across = [], []
     places = np.linspace(sole.rear + sole.half_width, sole.front - sole.half_width, DISCS)
     cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    for foot in (left, right):
-        discs_x = foot[:, :1] + places * np.cos(foot[:, YAW])[:, None]
-        discs_y = foot[:, 1:2] + places * np.sin(foot[:, YAW])[:, None]
-        along.append(cosine * discs_x + sine * discs_y)
-        across.append(cosine * discs_y - sine * discs_x)
+    discs_x = feet[..., :1] + places * np.cos(feet[..., YAW])[..., None]
+    discs_y = feet[..., 1:2] + places * np.sin(feet[..., YAW])[..., None]
+    across = cosine * discs_y - sine * discs_x
     reach = 2.0 * CORNER * sole.half_width + gap
+    lacking = np.zeros(len(heading))
     near = across[0].min(axis=1) - across[1].max(axis=1) < reach  # others are apart wherever they are along the heading
-    way = along[0][near, :, None] - along[1][near, None, :]
+    if not near.any():
+        return lacking
+    left, right = (cosine * discs_x + sine * discs_y)[:, near]
+    way = left[:, :, None] - right[:, None, :]
     needed = np.sqrt(np.maximum(reach**2 - way**2, 0.0))
-    apart = across[0][near, :, None] - across[1][near, None, :]
-    lacking = np.zeros(len(left))
+    left, right = across[:, near]
+    apart = left[:, :, None] - right[:, None, :]
     lacking[near] = np.maximum(np.where(np.abs(way) < reach, needed - apart, 0.0).max(axis=(1, 2)), 0.0)
     return lacking
 
 
 def corner_overlap(
-    left: Float[np.ndarray, "t 5"],
-    right: Float[np.ndarray, "t 5"],
-    heading: Float[np.ndarray, " t"],
-    sole: Sole,
-    gap: float,
+    feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, gap: float
 ) -> Float[np.ndarray, " t"]:
     """Lateral way [m], 0 or more, by which two rectangular soles must move apart for `gap` between them.
 
     Discs miss the corners, which meet where feet are turned against each other. The outline of a rectangle over the
     heading is straight between corners, so the way is largest beside a corner of one or the other.
     """
-    along, across = zip(*(_corners(foot, heading, sole, gap / 2.0) for foot in (left, right)), strict=True)
-    lacking = np.zeros(len(left))
+    along, across = _corners(feet, heading, sole, gap / 2.0)
+    lacking = np.zeros(len(heading))
     near = across[0].min(axis=1) < across[1].max(axis=1)
-    if not near.any():
-        return lacking
-    along, across = [each[near] for each in along], [each[near] for each in across]
-    places = np.concatenate(along, axis=1)
-    inner = -_outline(along[0], -across[0], places)
-    outer = _outline(along[1], across[1], places)
-    lacking[near] = np.nan_to_num(outer - inner, nan=0.0).max(axis=1).clip(min=0.0)
+    if near.any():
+        along, across = along[:, near], across[:, near]
+        outward = np.stack([-across[0], across[1]])
+        inner, outer = _outline(along, outward, np.concatenate([along[0], along[1]], axis=1))
+        lacking[near] = np.maximum((outer + inner).max(axis=1), 0.0)
     return lacking
 
 
 def _corners(
-    foot: Float[np.ndarray, "t 5"], heading: Float[np.ndarray, " t"], sole: Sole, wider: float
-) -> tuple[Float[np.ndarray, "t 4"], Float[np.ndarray, "t 4"]]:
-    """Corners of a sole that is `wider` [m] on all sides, in order: along the heading, and to its left."""
+    feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, wider: float
+) -> tuple[Float[np.ndarray, "2 t 4"], Float[np.ndarray, "2 t 4"]]:
+    """Corners of soles that are `wider` [m] on all sides, in order: along the heading, and to its left."""
     x = np.array([sole.rear - wider, sole.front + wider])[[0, 1, 1, 0]]
     y = (sole.half_width + wider) * np.array([-1.0, -1.0, 1.0, 1.0])
-    turn = (foot[:, YAW] - heading)[:, None]
-    cosine, sine = np.cos(heading), np.sin(heading)
-    along = (cosine * foot[:, 0] + sine * foot[:, 1])[:, None] + x * np.cos(turn) - y * np.sin(turn)
-    across = (cosine * foot[:, 1] - sine * foot[:, 0])[:, None] + x * np.sin(turn) + y * np.cos(turn)
+    turn = (feet[..., YAW] - heading)[..., None]
+    cosine, sine, cosine_turn, sine_turn = np.cos(heading), np.sin(heading), np.cos(turn), np.sin(turn)
+    along = (cosine * feet[..., 0] + sine * feet[..., 1])[..., None] + x * cosine_turn - y * sine_turn
+    across = (cosine * feet[..., 1] - sine * feet[..., 0])[..., None] + x * sine_turn + y * cosine_turn
     return along, across
 
 
 def _outline(
-    along: Float[np.ndarray, "t 4"], across: Float[np.ndarray, "t 4"], places: Float[np.ndarray, "t p"]
-) -> Float[np.ndarray, "t p"]:
-    """Leftmost place [m] of a rectangle at each of `places` [m] along the heading; NaN outside."""
-    start, stop = along[:, :, None], np.roll(along, -1, axis=1)[:, :, None]
-    way = np.where(np.abs(stop - start) > 1e-9, stop - start, 1e-9)
-    share = (places[:, None, :] - start) / way
-    from_w, to_w = across[:, :, None], np.roll(across, -1, axis=1)[:, :, None]
-    on_edge = np.where((share >= -1e-9) & (share <= 1.0 + 1e-9), from_w + share * (to_w - from_w), np.nan)
-    found = np.where(np.isnan(on_edge), -np.inf, on_edge).max(axis=1)
-    return np.where(np.isinf(found), np.nan, found)
+    along: Float[np.ndarray, "2 t 4"], across: Float[np.ndarray, "2 t 4"], places: Float[np.ndarray, "t p"]
+) -> Float[np.ndarray, "2 t p"]:
+    """Largest `across` [m] of rectangles at each of `places` [m] along the heading; -inf outside."""
+    onward = [1, 2, 3, 0]
+    start, from_w = along[..., None], across[..., None]
+    way, rise = along[..., onward, None] - start, across[..., onward, None] - from_w
+    share = (places[:, None, :] - start) / np.where(np.abs(way) > 1e-9, way, 1e-9)
+    return np.where((share >= -1e-9) & (share <= 1.0 + 1e-9), from_w + share * rise, -np.inf).max(axis=2)
 
 
 def lateral_way(
-    left: Float[np.ndarray, "t 5"],
-    right: Float[np.ndarray, "t 5"],
-    heading: Float[np.ndarray, " t"],
-    sole: Sole,
-    gap: float,
+    feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, gap: float
 ) -> Float[np.ndarray, " t"]:
     """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between discs, less at corners."""
-    return np.maximum(overlap(left, right, heading, sole, gap), corner_overlap(left, right, heading, sole, CORNER_GAP))
+    return np.maximum(overlap(feet, heading, sole, gap), corner_overlap(feet, heading, sole, CORNER_GAP))
 
 
 def space_footholds(
-    locked: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    locked: Float[np.ndarray, "2 t 5"],
     contacts: Bool[np.ndarray, "t 2"],
     heading: Float[np.ndarray, " t"],
     sole: Sole,
@@ -125,18 +110,23 @@ def space_footholds(
 
     Two stances less than `spread` frames apart count as at the same time: no swing is quick enough to pass.
     """
-    lateral_w = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
+    lateral_w, lacking = lateral_axis(heading), np.zeros(len(heading))
     for _ in range(SPACING_ROUNDS):
         held = [_held(foot, contacts[:, side], spread) for side, foot in enumerate(locked)]
         stands = held[0][1] & held[1][1]
-        lacking = np.where(stands, lateral_way(held[0][0], held[1][0], heading, sole, gap), 0.0)
+        lacking[stands] = lateral_way(np.stack([foot[stands] for foot, _ in held]), heading[stands], sole, gap)
         if not lacking.any():
             return
         for side, sign in ((0, 1.0), (1, -1.0)):
             for start, stop in time_series.runs(contacts[:, side]):
                 near = slice(max(start - spread, 0), stop + spread)
                 worst = near.start + int(np.argmax(lacking[near]))
-                locked[side][start:stop, :2] += 0.5 * sign * lacking[worst] * lateral_w[worst]
+                locked[side, start:stop, :2] += 0.5 * sign * lacking[worst] * lateral_w[worst]
+
+
+def lateral_axis(heading: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 2"]:
+    """Horizontal unit vectors to the left of a heading [rad]."""
+    return np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
 
 
 def _held(
@@ -156,7 +146,7 @@ def _held(
 
 
 def space_swings(
-    plans: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    plans: Float[np.ndarray, "2 t 5"],
     contacts: Bool[np.ndarray, "t 2"],
     heading: Float[np.ndarray, " t"],
     sole: Sole,
@@ -168,7 +158,7 @@ def space_swings(
     Args:
         spread: frames over which a push comes and goes
     """
-    lacking = lateral_way(*plans, heading, sole, gap)
+    lacking = lateral_way(plans, heading, sole, gap)
     if not lacking.any():
         return
     swings = ~contacts
@@ -193,8 +183,7 @@ def push_outward(
     if not (way * swings).any():
         return
     push = np.where(swings, faded(way, spread) * _window(swings, spread), 0.0)
-    lateral_w = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
-    plan[:, :2] += (1.0 - 2.0 * side) * push[:, None] * lateral_w
+    plan[:, :2] += (1.0 - 2.0 * side) * push[:, None] * lateral_axis(heading)
 
 
 def faded(push: Float[np.ndarray, "*n"], spread: float) -> Float[np.ndarray, "*n"]:

@@ -40,14 +40,15 @@ def held_share(
 
 
 def smoothed_share(
-    planned_peak: float, reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
+    planned_w: Float[np.ndarray, "t 3"], reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
 ) -> Float[np.ndarray, " t"]:
     """How firmly the pelvis is held to `smoothed_path` in each frame, 0 (not at all) to 1.
 
-    0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's peak [m/s^2]. Else it is 1 around
+    0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's. Else it is 1 around
     frames that accelerate by more than `smoothed_ratio` of that peak, and comes and goes over `fade_s`.
     """
-    ratio = _acceleration(reached_w, fps) / max(planned_peak, settings.least_peak_m_s2)
+    planned, reached = _acceleration(np.stack([planned_w, reached_w], axis=1), fps).T
+    ratio = reached / max(planned.max(), settings.least_peak_m_s2)
     if ratio.max() <= settings.jerky_ratio:
         return np.zeros(len(ratio))
     fade = settings.fade_s * fps
@@ -55,14 +56,9 @@ def smoothed_share(
     return gaussian_filter1d(nearby, fade, mode="nearest", truncate=3.0)
 
 
-def peak_acceleration(pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:
-    """Largest acceleration of a path, low-passed [m/s^2]."""
-    return float(_acceleration(pos_w, fps).max())
-
-
-def _acceleration(pos_w: Float[np.ndarray, "t 3"], fps: float) -> Float[np.ndarray, " t"]:
-    """Magnitude of the low-passed path's acceleration [m/s^2]; 0 in the first and last frame."""
-    acceleration = np.zeros(len(pos_w))
+def _acceleration(pos_w: Float[np.ndarray, "t n 3"], fps: float) -> Float[np.ndarray, "t n"]:
+    """Magnitude of low-passed paths' acceleration [m/s^2]; 0 in the first and last frame."""
+    acceleration = np.zeros(pos_w.shape[:2])
     smooth = time_series.smooth(pos_w, fps, ACCELERATION_HZ)
     acceleration[1:-1] = rotation.length(np.diff(smooth, n=2, axis=0)) * fps**2
     return acceleration

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
@@ -16,7 +16,7 @@ from pipeline.errors import ClipError
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
-from pipeline.retarget.pelvis_path import fading_grip, held_share, peak_acceleration, smoothed_path, smoothed_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
@@ -58,20 +58,19 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     settings = scaled(settings, robot)
     weights, fps, solver = settings.weights, settings.fps, solver_for(robot)
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
-    planned_w = targets.pelvis_pos_w
-    planned_peak, start = peak_acceleration(planned_w, fps), None
+    planned_w, start = targets.pelvis_pos_w, None
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
 
-    def with_smooth_path(targets: Targets, reached_w: Float[np.ndarray, "t 3"]) -> Targets | None:
+    def with_smooth_path(targets: Targets, reached_w: np.ndarray) -> Targets | None:
         """The targets with the pelvis on a smooth path where a pass jerked it; None where it did not."""
-        share = smoothed_share(planned_peak, reached_w, settings.pelvis, fps)
+        share = smoothed_share(planned_w, reached_w, settings.pelvis, fps)
         if not share.any():
             return None
         share = np.maximum(targets.pelvis_smoothed, share)
         path_w = smoothed_path(planned_w, reached_w, share, settings.pelvis, fps)
         return dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=share)
 
-    def again(reached: Trajectory, changed: Bool[np.ndarray, " t"]) -> Trajectory:
+    def again(reached: Trajectory, changed: np.ndarray) -> Trajectory:
         return solver.solve(human.name, targets, rest, weights.posture_first, settings, reached, changed)
 
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)

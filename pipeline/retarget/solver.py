@@ -10,6 +10,7 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 import placo
 from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
@@ -56,18 +57,18 @@ class Solver:
     def __init__(self, robot: Robot):
         self.robot, self.body = robot, measure(robot)
         self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, _urdf(robot))
-        self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
+        self._joints = robot.controlled_index
+        self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.controlled])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
         for side in range(2):
             joint, sign = ankle_pitch(robot, side)
             limit = self._lower if sign > 0.0 else self._upper
             limit[joint] += sign * ANKLE_MARGIN
-        for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
+        for name in robot.controlled:
+            lower, upper = (float(limit[robot.joint(name)]) for limit in (self._lower, self._upper))
             self._wrapper.set_joint_limits(name, lower, upper)
         self._solver = self._wrapper.make_solver()
         self._solver.enable_joint_limits(True)
-        for name in set(robot.joint_names) - set(robot.controlled):
-            self._solver.mask_dof(name)
         self._add_tasks()
         self._matrices: tuple | None = None
 
@@ -152,10 +153,12 @@ class Solver:
             state = self._wrapper.state.q
             solving = todo is None or todo[frame] or bool(np.abs(state - states[frame]).max() > BACK_ON_START)
             states[frame] = state
+        joint_pos = np.tile(self.robot.default_joint_pos, (frames, 1))
+        joint_pos[:, self._joints] = states[:, self._columns]
         return Trajectory(
             root_pos_w=states[:, :3].copy(),
             root_quat_w=rotation.make_continuous(np.roll(states[:, 3:7], 1, axis=1)),
-            joint_pos=states[:, self._columns],
+            joint_pos=joint_pos,
         )
 
     def matrices_of(self, targets: Targets) -> tuple[Float[np.ndarray, "t 3 3"], Float[np.ndarray, "t 2 3 3"]]:
@@ -176,7 +179,7 @@ class Solver:
         q = np.array(self._wrapper.state.q)
         q[:3] = root_pos_w
         q[3:7] = np.roll(root_quat_w, -1)
-        q[self._columns] = np.clip(joint_pos, self._lower, self._upper)
+        q[self._columns] = np.clip(joint_pos, self._lower, self._upper)[self._joints]
         self._go_to(q)
 
     def _go_to(self, q: Float[np.ndarray, " q"]) -> None:
@@ -188,13 +191,14 @@ class Solver:
         states = np.tile(np.array(self._wrapper.state.q), (len(trajectory.joint_pos), 1))
         states[:, :3] = trajectory.root_pos_w
         states[:, 3:7] = np.roll(trajectory.root_quat_w, -1, axis=1)
-        states[:, self._columns] = trajectory.joint_pos
+        states[:, self._columns] = trajectory.joint_pos[:, self._joints]
         return states
 
     def _limit_speed(self, settings: RetargetSettings) -> None:
         self._solver.dt = 1.0 / settings.fps
-        for name, limit in zip(self.robot.joint_names, self.robot.retarget_speed_limit, strict=True):
-            self._wrapper.set_velocity_limit(name, settings.speed_share * limit)
+        limits = settings.speed_share * self.robot.retarget_speed_limit[self._joints]
+        for name, limit in zip(self.robot.controlled, limits.tolist(), strict=True):
+            self._wrapper.set_velocity_limit(name, limit)
 
     def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
         self._trunk.configure("trunk", "soft", weights.trunk)
@@ -206,16 +210,26 @@ class Solver:
 
 
 class _Feed:
-    """Hands a frame's targets to the tasks of a solver."""
+    """Hands a frame's targets to the tasks of a solver.
+
+    The numbers of a frame are copied into one buffer, of which every task is given its part: slicing all arrays in
+    every frame takes three times as long.
+    """
 
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"], weights: WeightSettings):
         self._solver = solver
-        self._names, self._waist_name = solver.robot.joint_names, solver.robot.joint_names[solver.body.waist]
-        self._pelvis, self._feet, self._limbs = targets.pelvis_pos_w, targets.foot_pos_w, targets.limb_dir_w
-        self._trunk, self._foot_rot = solver.matrices_of(targets)
+        self._names, self._waist_name = solver.robot.controlled, solver.robot.joint_names[solver.body.waist]
+        posture = posture[:, solver._joints]
+        self._posture = None if (posture == posture[0]).all() else posture
+        parts = (targets.pelvis_pos_w, *solver.matrices_of(targets), targets.foot_pos_w, targets.limb_dir_w)
+        self._rows = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+        self._row = np.empty(self._rows.shape[1])
+        pieces = np.split(self._row, np.cumsum([part[0].size for part in parts])[:-1])
+        self._pelvis, *others = (piece.reshape(part.shape[1:]) for piece, part in zip(pieces, parts, strict=True))
+        self._trunk, soles, feet, limbs = others
+        self._soles, self._feet, self._limbs = list(soles), list(feet), list(zip(solver._limbs, limbs, strict=True))
         self._waist: list[float] = targets.waist_pos.tolist()
-        self._posture = [] if _is_constant(posture) else posture.tolist()
-        if _is_constant(posture):
+        if self._posture is None:
             solver._posture.set_joints(dict(zip(self._names, posture[0].tolist(), strict=True)))
         self._held = _rows(*_weights_of_pelvis(targets, weights))
         self._feet_held = [_rows(*_weights_of_foot(targets, side, weights)) for side in range(2)]
@@ -223,22 +237,23 @@ class _Feed:
         self._feet_now: list[tuple[float, ...]] = [(), ()]
 
     def set(self, frame: int) -> None:
-        solver = self._solver
-        solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis[frame]
-        solver._trunk.R_world_frame = self._trunk[frame]
+        solver, self._row[:] = self._solver, self._rows[frame]
+        solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis
+        solver._trunk.R_world_frame = self._trunk
         solver._waist.set_joint(self._waist_name, self._waist[frame])
-        if self._posture:
-            solver._posture.set_joints(dict(zip(self._names, self._posture[frame], strict=True)))
-        feet, rotations = self._feet[frame], self._foot_rot[frame]
+        if self._posture is not None:
+            set_joint = solver._posture.set_joint
+            for name, angle in zip(self._names, self._posture[frame].tolist(), strict=True):
+                set_joint(name, angle)
         for side in (0, 1):
-            solver._foot_position[side].target_world = solver._foot_height[side].target_world = feet[side]
-            solver._foot_orientation[side].R_world_frame = rotations[side]
+            solver._foot_position[side].target_world = solver._foot_height[side].target_world = self._feet[side]
+            solver._foot_orientation[side].R_world_frame = self._soles[side]
             held = self._feet_held[side][frame]
             if held != self._feet_now[side]:
                 self._feet_now[side] = held
                 solver._foot_position[side].configure(FEET[side], "soft", held[0])
                 solver._foot_orientation[side].configure(FEET[side], "soft", held[1])
-        for task, direction in zip(solver._limbs, self._limbs[frame], strict=True):
+        for task, direction in self._limbs:
             task.targetAxis_world = direction
         if self._held[frame] != self._pelvis_now:
             self._hold_pelvis(self._held[frame])
@@ -273,25 +288,19 @@ def _weights_of_pelvis(targets: Targets, weights: WeightSettings) -> tuple[Weigh
 
 def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tuple[Weight, Weight]:
     """Weights of a foot's horizontal position and of its orientation in each frame."""
-    stands = targets.contacts[:, side].astype(float)
     return (
         _between(weights.swing_position, weights.stance_position, targets.grip[:, side]),
-        _between(weights.swing_orientation, weights.stance_orientation, stands),
+        np.where(targets.contacts[:, side], weights.stance_orientation, weights.swing_orientation),
     )
 
 
 def _between(low: float | Weight, high: float, share: Weight) -> Weight:
     """`low` for 0, `high` for 1, geometrically between."""
-    return np.where(share == 0.0, low, np.where(share == 1.0, high, low * (high / low) ** share))
+    return np.where(share == 1.0, high, low * (high / low) ** share)
 
 
 def _rows(*columns: Weight) -> list[tuple[float, ...]]:
     return list(zip(*(column.tolist() for column in columns), strict=True))
-
-
-def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:
-    """A posture that stays is set in the solver once."""
-    return bool((posture == posture[0]).all())
 
 
 def solver_for(robot: Robot) -> Solver:
@@ -311,8 +320,15 @@ def _frame_on(robot: Robot, link: str) -> str:
 
 
 def _urdf(robot: Robot) -> str:
-    """The robot's URDF with a frame of its own for each link that has the name of a joint."""
+    """The robot's URDF with what the tasks need: no sites, joints that are not controlled fixed at their default, and
+    a frame of its own for each link that has the name of a joint."""
     root = Xml.fromstring(robot.urdf)
+    sites = {name for site in robot.site_names for name in (site, f"{site}_fixed")}
+    for part in list(root):
+        if part.get("name") in sites:
+            root.remove(part)
+    for name in set(robot.joint_names) - set(robot.controlled):
+        _fix(root, name, float(robot.default_joint_pos[robot.joint(name)]))
     for link in robot.link_names:
         if link in robot.joint_names:
             Xml.SubElement(root, "link", name=f"{link}{FRAME}")
@@ -320,3 +336,13 @@ def _urdf(robot: Robot) -> str:
             Xml.SubElement(joint, "parent", link=link)
             Xml.SubElement(joint, "child", link=f"{link}{FRAME}")
     return Xml.tostring(root, encoding="unicode")
+
+
+def _fix(urdf: Xml.Element, name: str, angle: float) -> None:
+    """Make a hinge of a URDF a fixed joint at `angle` [rad]."""
+    joint, origin, axis = (urdf.find(f"joint[@name='{name}']{below}") for below in ("", "/origin", "/axis"))
+    assert joint is not None and origin is not None and axis is not None
+    rpy, axis_b = (np.array(text.split(), float) for text in (origin.attrib["rpy"], axis.attrib["xyz"]))
+    turned = Rotation.from_euler("xyz", rpy) * Rotation.from_rotvec(angle * axis_b)
+    origin.set("rpy", " ".join(map(str, turned.as_euler("xyz"))))
+    joint.set("type", "fixed")

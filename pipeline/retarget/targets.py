@@ -1,19 +1,18 @@
 """What the robot should do in each frame, from the human's motion and the robot's proportions alone."""
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.human_clip import body as body_index
 from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget import foot_plan, foot_reach, foot_spacing
-from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z
+from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z, median, percentile
 from pipeline.retarget.foot_reach import Hips
 from pipeline.retarget.narrowing import lateral_share, narrowed
 from pipeline.retarget.robot_body import RobotBody
@@ -25,6 +24,9 @@ FLAT_PERCENTILE = 30.0
 
 FLAT_TOLERANCE = 0.05
 """[rad] A foot pitched this much more than flat still counts as flat."""
+
+LIMB_STARTS, LIMB_ENDS = ([body_index(end) for end in ends] for ends in list(zip(*LIMBS, strict=True))[1:])
+"""Bodies at the upper and the lower end of each of `LIMBS`."""
 
 PLAUSIBLE_LEG = (0.3, 1.4)
 """Leg lengths [m] of anything that is a person; outside of it the unit is wrong."""
@@ -48,37 +50,33 @@ class Proportions:
 
 def measure(clip: HumanClip, contacts: Bool[np.ndarray, "t 2"]) -> Proportions:
     """Proportions of the person in a clip. Raises ClipError where no person can have them."""
-    legs, ankle_height, flat_pitch, ankle_to_toe = [], [], [], []
-    for index, side in enumerate(FEET):
-        hip, knee, ankle, toe = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle", "toe"))
-        legs.append(np.median(_distance(hip, knee)) + np.median(_distance(knee, ankle)))
-        pitch = foot_pitch(ankle, toe)
-        stands = contacts[:, index] if contacts[:, index].any() else toe[:, 2] <= np.percentile(toe[:, 2], 10.0)
-        flat = np.percentile(pitch[stands], FLAT_PERCENTILE)
-        flat_pitch.append(flat)
-        ankle_height.append(np.median(ankle[stands, 2][pitch[stands] <= flat + FLAT_TOLERANCE]))
-        ankle_to_toe.append(np.median(_distance(ankle, toe)) * np.cos(flat))
+    hips, knees, ankles, toes = (clip.both(part) for part in ("hip", "knee", "ankle", "toe"))
+    legs = median(rotation.length(hips - knees)) + median(rotation.length(knees - ankles))
+    pitches, feet = foot_pitch(ankles, toes), median(rotation.length(ankles - toes))
+    ankle_height, flat_pitch = np.empty(2), np.empty(2)
+    for side in range(2):
+        pitch, height = pitches[:, side], toes[:, side, 2]
+        stands = contacts[:, side] if contacts[:, side].any() else height <= percentile(height, 10.0)
+        flat_pitch[side] = percentile(pitch[stands], FLAT_PERCENTILE)
+        flat = pitch[stands] <= flat_pitch[side] + FLAT_TOLERANCE
+        ankle_height[side] = median(ankles[stands, side, 2][flat])
     leg = float(np.mean(legs))
     if not PLAUSIBLE_LEG[0] <= leg <= PLAUSIBLE_LEG[1]:
         low, high = PLAUSIBLE_LEG
         raise ClipError(clip.name, "leg_length", f"the legs are {leg:.3g} m long, a person's are {low} to {high} m.")
     return Proportions(
         leg=leg,
-        hip_half_width=float(np.median(_distance(clip.pos("left_hip"), clip.pos("right_hip")))) / 2.0,
-        ankle_height=np.array(ankle_height),
-        flat_pitch=np.array(flat_pitch),
-        ankle_to_toe=np.array(ankle_to_toe),
+        hip_half_width=float(median(rotation.length(hips[:, 0] - hips[:, 1]))) / 2.0,
+        ankle_height=ankle_height,
+        flat_pitch=flat_pitch,
+        ankle_to_toe=feet * np.cos(flat_pitch),
     )
 
 
-def foot_pitch(ankle_pos_w: Float[np.ndarray, "t 3"], toe_pos_w: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, " t"]:
+def foot_pitch(ankle_pos_w: Float[np.ndarray, "*n 3"], toe_pos_w: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
     """Angle of the line from toe to ankle over the ground [rad]; it grows as the heel rises, up to pi/2."""
     line = ankle_pos_w - toe_pos_w
-    return np.arctan2(line[:, 2], np.linalg.norm(line[:, :2], axis=-1))
-
-
-def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return rotation.length(a - b)
+    return np.arctan2(line[..., 2], np.linalg.norm(line[..., :2], axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,31 +126,34 @@ def plan_targets(
     waist_pos = waist_angle(trunk_quat_w, heading)
 
     def centre_of(clip: HumanClip) -> Float[np.ndarray, "t 3"]:
-        middle_w = np.mean([clip.pos(f"{side}_hip") for side in FEET], axis=0)
-        return ratio * (middle_w - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
+        return ratio * (clip.both("hip").mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [
+            0.0,
+            0.0,
+            body.sole.depth,
+        ]
 
     centre_w = centre_of(clip)
     hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
     raws = _scaled_feet(clip, ratio, widening_w, heading, person, body.sole)
-    lacking = np.maximum(*(foot_reach.lacking(raw, side, hips) for side, raw in enumerate(raws)))
-    share = lateral_share(lacking, settings.narrowing, clip.fps)
+    share = lateral_share(foot_reach.lacking(raws, hips).max(axis=0), settings.narrowing, clip.fps)
     if (share < 1.0).any():
         clip = narrowed(clip, lateral_w, share)
         centre_w = centre_of(clip)
         hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
         raws = _scaled_feet(clip, ratio, widening_w, heading, person, body.sole)
     feet, moved = _plan_feet(clip, raws, contacts, ratio, widening_w, hips, person, body, settings)
+    wary = settings.feet.spacing + settings.feet.wary
     return Targets(
         contacts=contacts,
-        grip=(contacts | _close(feet, heading, body.sole, settings)[:, None]).astype(float),
-        foot_pos_w=np.stack([foot[:, X : Z + 1] for foot in feet], axis=1),
-        foot_quat_w=np.stack([_foot_quat(foot) for foot in feet], axis=1),
+        grip=(contacts | (foot_spacing.overlap(feet, heading, body.sole, wary) > 0.0)[:, None]).astype(float),
+        foot_pos_w=feet[..., X : Z + 1].swapaxes(0, 1).copy(),
+        foot_quat_w=_foot_quat(feet.swapaxes(0, 1)),
         pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
         pelvis_held=np.zeros(clip.frame_count),
         pelvis_smoothed=np.zeros(clip.frame_count),
         trunk_quat_w=trunk_quat_w,
         waist_pos=waist_pos,
-        limb_dir_w=np.stack([rotation.normalize(clip.pos(low) - clip.pos(up)) for _, up, low in LIMBS], axis=1),
+        limb_dir_w=rotation.normalize(clip.body_pos_w[:, LIMB_ENDS] - clip.body_pos_w[:, LIMB_STARTS]),
         leg_ratio=ratio,
         foothold_moved=moved,
         lateral_share=float(share.min()),
@@ -171,7 +172,7 @@ def waist_angle(trunk_quat_w: Float[np.ndarray, "t 4"], heading: Float[np.ndarra
 
 def _plan_feet(
     clip: HumanClip,
-    raws: Sequence[Float[np.ndarray, "t 5"]],
+    raws: Float[np.ndarray, "2 t 5"],
     contacts: Bool[np.ndarray, "t 2"],
     ratio: float,
     widening_w: Float[np.ndarray, "t 2"],
@@ -179,12 +180,12 @@ def _plan_feet(
     person: Proportions,
     body: RobotBody,
     settings: RetargetSettings,
-) -> tuple[tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]], float]:
+) -> tuple[Float[np.ndarray, "2 t 5"], float]:
     """Plans of both feet (ankle x, y, z, yaw, pitch), in reach, spaced and above ground; `foothold_moved` [m].
 
     Args:
         clip: the person
-        raws: both feet, scaled, see `_scaled_foot`; their yaw is the pelvis's
+        raws: both feet, see `_scaled_feet`; their yaw is the pelvis's
         contacts: stances
         ratio: robot length / human length
         widening_w: by how much the left foot is moved outward [m]
@@ -193,23 +194,26 @@ def _plan_feet(
         body: the robot's
         settings: of the foot plan
     """
-    feet, sole, heading, locked = settings.feet, body.sole, raws[0][:, YAW], []
-    for side, name in enumerate(FEET):
-        outward_w = widening_w if side == 0 else -widening_w
-        ankle, toe, raw = clip.pos(f"{name}_ankle"), clip.pos(f"{name}_toe"), raws[side]
-        toe_yaw = np.arctan2(toe[:, 1] - ankle[:, 1], toe[:, 0] - ankle[:, 0])
-        scaled_toe_w = ratio * toe[:, :2] + outward_w
-        ankle_to_toe = ratio * float(person.ankle_to_toe[side])
-        locked.append(foot_plan.lock_stances(raw, contacts[:, side], scaled_toe_w, toe_yaw, ankle_to_toe, sole, feet))
+    feet, sole, heading = settings.feet, body.sole, raws[0, :, YAW]
+    toes_w = clip.both("toe")
+    line_w = toes_w - clip.both("ankle")
+    toe_yaw = np.arctan2(line_w[..., 1], line_w[..., 0])
+    scaled_toe_w = ratio * toes_w[..., :2] + np.stack([widening_w, -widening_w], axis=1)
+    ankle_to_toe = ratio * person.ankle_to_toe
+    locked, plans = np.empty_like(raws), np.empty_like(raws)
+    for side, raw in enumerate(raws):
+        toe_w, yaw, way = scaled_toe_w[:, side], toe_yaw[:, side], float(ankle_to_toe[side])
+        locked[side] = foot_plan.lock_stances(raw, contacts[:, side], toe_w, yaw, way, sole, feet)
     spread = feet.spacing_s * clip.fps
-    moved = foot_reach.bring_footholds_in_reach((locked[0], locked[1]), contacts, heading, hips, feet.reach_free)
-    foot_spacing.space_footholds((locked[0], locked[1]), contacts, heading, sole, feet.spacing, round(spread))
+    moved = foot_reach.bring_footholds_in_reach(locked, contacts, heading, hips, feet.reach_free)
+    foot_spacing.space_footholds(locked, contacts, heading, sole, feet.spacing, round(spread))
     slope = max(1, round(feet.slope_s * clip.fps))
-    plans = [foot_plan.spread(raws[side], locked[side], contacts[:, side], slope) for side in range(2)]
-    foot_reach.bring_swings_in_reach((plans[0], plans[1]), contacts, heading, hips, feet.reach_free, spread)
-    foot_spacing.space_swings((plans[0], plans[1]), contacts, heading, sole, feet.spacing, spread)
-    left, right = (foot_plan.keep_above_ground(plans[side], contacts[:, side], sole, feet) for side in range(2))
-    return (left, right), moved
+    for side in range(2):
+        plans[side] = foot_plan.spread(raws[side], locked[side], contacts[:, side], slope)
+    foot_reach.bring_swings_in_reach(plans, contacts, heading, hips, feet.reach_free, spread)
+    foot_spacing.space_swings(plans, contacts, heading, sole, feet.spacing, spread)
+    above = [foot_plan.keep_above_ground(plan, contacts[:, side], sole, feet) for side, plan in enumerate(plans)]
+    return np.stack(above), moved
 
 
 def _scaled_feet(
@@ -219,49 +223,21 @@ def _scaled_feet(
     heading: Float[np.ndarray, " t"],
     person: Proportions,
     sole: Sole,
-) -> list[Float[np.ndarray, "t 5"]]:
-    """Both feet as the robot's, see `_scaled_foot`."""
-    feet = []
-    for side, name in enumerate(FEET):
-        outward_w = widening_w if side == 0 else -widening_w
-        ankle, toe = clip.pos(f"{name}_ankle"), clip.pos(f"{name}_toe")
-        feet.append(_scaled_foot(ankle, toe, side, ratio, outward_w, heading, person, sole))
-    return feet
+) -> Float[np.ndarray, "2 t 5"]:
+    """The human's feet as the robot's, no stance looked at: ankle x, y, z [m], yaw (the pelvis's), pitch [rad]."""
+    ankles, toes = clip.both("ankle"), clip.both("toe")
+    raws = np.empty((2, clip.frame_count, 5))
+    by_frame = raws.swapaxes(0, 1)
+    by_frame[..., :Z] = ratio * ankles[..., :2] + np.stack([widening_w, -widening_w], axis=1)
+    by_frame[..., Z] = ratio * (ankles[..., 2] - person.ankle_height) + sole.depth
+    by_frame[..., YAW] = heading[:, None]
+    by_frame[..., PITCH] = foot_pitch(ankles, toes) - person.flat_pitch
+    return raws
 
 
-def _scaled_foot(
-    ankle: Float[np.ndarray, "t 3"],
-    toe: Float[np.ndarray, "t 3"],
-    side: int,
-    ratio: float,
-    outward_w: Float[np.ndarray, "t 2"],
-    heading: Float[np.ndarray, " t"],
-    person: Proportions,
-    sole: Sole,
-) -> Float[np.ndarray, "t 5"]:
-    """The human's foot as the robot's, no stance looked at: ankle x, y, z [m], yaw (the pelvis's), pitch [rad]."""
-    raw = np.empty((len(ankle), 5))
-    raw[:, :Z] = ratio * ankle[:, :2] + outward_w
-    raw[:, Z] = ratio * (ankle[:, 2] - person.ankle_height[side]) + sole.depth
-    raw[:, YAW] = heading
-    raw[:, PITCH] = foot_pitch(ankle, toe) - person.flat_pitch[side]
-    return raw
-
-
-def _close(
-    feet: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
-    heading: Float[np.ndarray, " t"],
-    sole: Sole,
-    settings: RetargetSettings,
-) -> Bool[np.ndarray, " t"]:
-    """Frames in which the feet are less than the wary distance apart."""
-    gap = settings.feet.spacing + settings.feet.wary
-    return foot_spacing.overlap(*feet, heading, sole, gap) > 0.0
-
-
-def _foot_quat(foot: Float[np.ndarray, "t 5"]) -> Float[np.ndarray, "t 4"]:
-    pitch = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), foot[:, PITCH])
-    return rotation.multiply(rotation.about_z(foot[:, YAW]), pitch)
+def _foot_quat(feet: Float[np.ndarray, "*n 5"]) -> Float[np.ndarray, "*n 4"]:
+    pitch = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), feet[..., PITCH])
+    return rotation.multiply(rotation.about_z(feet[..., YAW]), pitch)
 
 
 def _horizontal(vectors: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:

@@ -1,5 +1,6 @@
 """Vectorized forward kinematics of a robot in numpy."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -72,10 +73,11 @@ class Kinematics:
         """Positions of one link's origin, world frame [m]; only the links between it and the root are computed."""
         tree = self._tree
         pos_w, quat_w = root_pos_w, root_quat_w
-        for each in reversed(tree.chain(link)):
+        for above, each in itertools.pairwise([0, *reversed(tree.chain(link))]):
+            if above:
+                turn = rotation.from_axis_angle(tree.axis[above], joint_pos[:, tree.joint[above]])
+                quat_w = rotation.multiply(quat_w, rotation.multiply(tree.quat[above], turn))
             pos_w = pos_w + rotation.rotate(quat_w, tree.pos[each])
-            turn = rotation.from_axis_angle(tree.axis[each], joint_pos[:, tree.joint[each]])
-            quat_w = rotation.multiply(quat_w, rotation.multiply(tree.quat[each], turn))
         return pos_w
 
     def site_pos_w(self, poses: LinkPoses, site_names: Sequence[str]) -> Float[np.ndarray, "t n 3"]:

@@ -15,9 +15,9 @@ from pipeline.retarget.clearance import _sideways_or_shortest, shank_overlap, th
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.foot_reach import Hips, lacking
 from pipeline.retarget.narrowing import lateral_share, narrowed
-from pipeline.retarget.pelvis_path import fading_grip, held_share, peak_acceleration, smoothed_path, smoothed_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.robot_body import ankle_pitch
-from pipeline.retarget.solver import solver_for
+from pipeline.retarget.solver import FRAME, Solver, solver_for
 from pipeline.retarget.trunk_lean import limited_lean
 from pipeline.robot import Kinematics, load_robot
 from pipeline.scoring import score
@@ -65,9 +65,9 @@ def test_a_foot_lacks_what_the_adducted_leg_can_not_reach():
     for inward in (0.1, 0.2, 0.3):
         ankle = 0.5 * np.array([0.0, -np.sin(inward), -np.cos(inward)])
         left = np.concatenate([ankle, [0.0, 0.0]])[None]
+        feet = np.stack([left, left * [1.0, -1.0, 1.0, 1.0, 1.0]])
         expected = max(0.5 * (np.sin(inward) - np.sin(0.2)), 0.0)
-        assert lacking(left, 0, hips)[0] == pytest.approx(expected, abs=1e-12)
-        assert lacking(left * [1.0, -1.0, 1.0, 1.0, 1.0], 1, hips)[0] == pytest.approx(expected, abs=1e-12)
+        np.testing.assert_allclose(lacking(feet, hips), expected, atol=1e-12)
 
 
 def test_narrowing_keeps_standing_feet_and_scales_the_way_sideways():
@@ -145,12 +145,12 @@ def jerked(acceleration_m_s2: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_calm_path_is_not_smoothed():
     planned_w, reached_w = jerked(0.9 * SETTINGS.pelvis.jerky_ratio * SETTINGS.pelvis.least_peak_m_s2)
-    assert not smoothed_share(peak_acceleration(planned_w, FPS), reached_w, SETTINGS.pelvis, FPS).any()
+    assert not smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS).any()
 
 
 def test_a_jerked_path_is_smoothed_around_the_jerk_alone():
     planned_w, reached_w = jerked(20.0)
-    share = smoothed_share(peak_acceleration(planned_w, FPS), reached_w, SETTINGS.pelvis, FPS)
+    share = smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS)
     assert share[195:206].min() > 0.99
     assert not share[:150].any()
     assert not share[250:].any()
@@ -291,3 +291,17 @@ def test_ankles_keep_off_the_limit_that_lifts_the_toes_and_no_other(name: str):
         low, high = solver._lower[index] - robot.joint_lower[index], robot.joint_upper[index] - solver._upper[index]
         toes_up, toes_down = (low, high) if sign > 0.0 else (high, low)
         assert toes_up > 0.05 > toes_down
+
+
+def test_the_solver_holds_joints_that_are_not_controlled_at_their_default():
+    held = [index for index, name in enumerate(ROBOT.joint_names) if name not in ROBOT.controlled]
+    default = ROBOT.default_joint_pos.copy()
+    default[held] = 0.3 + 0.1 * np.arange(len(held))
+    robot = dataclasses.replace(ROBOT, default_joint_pos=default)
+    solver, kinematics = Solver(robot), Kinematics(robot)
+    solver._start(np.array([1.0, 2.0, 0.7]), rotation.IDENTITY, default)
+    poses = kinematics.forward(np.array([[1.0, 2.0, 0.7]]), rotation.IDENTITY[None], default[None])
+    for link, name in enumerate(robot.link_names):
+        T_world_link = solver._wrapper.get_T_world_frame(name if name not in robot.joint_names else f"{name}{FRAME}")
+        np.testing.assert_allclose(T_world_link[:3, 3], poses.pos_w[0, link], atol=1e-9)
+        np.testing.assert_allclose(T_world_link[:3, :3], rotation.to_matrix(poses.quat_w[0, link]), atol=1e-9)

@@ -92,23 +92,29 @@ def test_swings_are_lifted_over_the_ground():
     assert lifted[:, PITCH].min() >= FEET.lowest_pitch
 
 
-def feet_apart(lateral: float, frames: int = 30) -> tuple[np.ndarray, np.ndarray]:
-    left, right = np.zeros((frames, 5)), np.zeros((frames, 5))
-    left[:, 1], right[:, 1] = lateral / 2, -lateral / 2
-    return left, right
+@pytest.mark.parametrize("percent", [0.0, 5.0, 30.0, 50.0, 77.7, 100.0])
+@pytest.mark.parametrize("count", [1, 2, 9, 40])
+def test_percentiles_are_numpys_to_the_bit(count, percent):
+    values = np.random.default_rng(count).normal(size=(count, 2))
+    np.testing.assert_array_equal(foot_plan.percentile(values, percent), np.percentile(values, percent, axis=0))
+
+
+def feet_apart(lateral: float, frames: int = 30) -> np.ndarray:
+    feet = np.zeros((2, frames, 5))
+    feet[0, :, 1], feet[1, :, 1] = lateral / 2, -lateral / 2
+    return feet
 
 
 @pytest.mark.parametrize(("lateral", "lacking"), [(0.2, 0.0), (0.1, 0.03), (-0.05, 0.18)])
 def test_parallel_feet_lack_what_their_discs_and_the_gap_need(lateral, lacking):
-    left, right = feet_apart(lateral)
-    got = foot_spacing.overlap(left, right, np.zeros(30), SOLE, 0.02)
+    got = foot_spacing.overlap(feet_apart(lateral), np.zeros(30), SOLE, 0.02)
     np.testing.assert_allclose(got, lacking, atol=1e-12)
 
 
 def test_feet_one_behind_the_other_may_cross():
-    left, right = feet_apart(-0.05)
-    left[:, 0] += 0.4
-    np.testing.assert_array_equal(foot_spacing.overlap(left, right, np.zeros(30), SOLE, 0.02), 0.0)
+    feet = feet_apart(-0.05)
+    feet[0, :, 0] += 0.4
+    np.testing.assert_array_equal(foot_spacing.overlap(feet, np.zeros(30), SOLE, 0.02), 0.0)
 
 
 def outline(foot: np.ndarray) -> np.ndarray:
@@ -132,11 +138,12 @@ def separated(a: np.ndarray, b: np.ndarray) -> bool:
 
 def test_turned_soles_are_apart_after_the_way_that_corners_need_and_not_before():
     rng = np.random.default_rng(3)
-    left, right = (np.zeros((200, 5)) for _ in range(2))
-    for foot in (left, right):
+    feet = np.zeros((2, 200, 5))
+    for foot in feet:
         foot[:, :2] = rng.uniform(-0.15, 0.15, (200, 2))
         foot[:, YAW] = rng.uniform(-1.5, 1.5, 200)
-    way = foot_spacing.corner_overlap(left, right, np.zeros(200), SOLE, 0.0)
+    left, right = feet
+    way = foot_spacing.corner_overlap(feet, np.zeros(200), SOLE, 0.0)
     assert 0.3 < (way > 0.0).mean() < 1.0
     for frame in range(200):
         moved = [outline(left[frame]) + np.array([0.0, way[frame] + extra]) for extra in (1e-6, -1e-3)]
@@ -149,18 +156,19 @@ def test_footholds_are_moved_apart_and_stay_constant():
     locked = feet_apart(0.05)
     contacts = np.ones((30, 2), dtype=bool)
     foot_spacing.space_footholds(locked, contacts, np.zeros(30), SOLE, 0.02, 2)
-    assert foot_spacing.overlap(*locked, np.zeros(30), SOLE, 0.02).max() < 1e-9
+    assert foot_spacing.overlap(locked, np.zeros(30), SOLE, 0.02).max() < 1e-9
     assert all(np.ptp(foot[:, 1]) == 0.0 for foot in locked)
 
 
 def test_a_swing_gives_way_and_the_standing_foot_stays():
-    left, right = feet_apart(0.2)
+    feet = feet_apart(0.2)
+    left, right = feet
     left[:, 0] = np.linspace(-0.5, 0.5, 30)
     left[:, 1] = 0.1 - 0.08 * np.exp(-(left[:, 0] ** 2) / 0.05)
     contacts = np.zeros((30, 2), dtype=bool)
     contacts[[0, 29], 0] = contacts[:, 1] = True
     before, ends = right.copy(), left[[0, 29]].copy()
-    foot_spacing.space_swings((left, right), contacts, np.zeros(30), SOLE, 0.02, 2.0)
+    foot_spacing.space_swings(feet, contacts, np.zeros(30), SOLE, 0.02, 2.0)
     np.testing.assert_array_equal(right, before)
     np.testing.assert_array_equal(left[[0, 29]], ends)
-    assert foot_spacing.overlap(left, right, np.zeros(30), SOLE, 0.02).max() < 0.005
+    assert foot_spacing.overlap(feet, np.zeros(30), SOLE, 0.02).max() < 0.005
