@@ -1,5 +1,6 @@
 """The policy controller: sensor readings in, joint targets out, one control step at a time."""
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,12 +47,6 @@ class History:
     def __init__(self, task: DeploymentTask):
         self._frames = np.zeros((task.history, task.frame_size))
 
-    def copy(self) -> "History":
-        """A copy of the history."""
-        twin = object.__new__(History)
-        twin._frames = self._frames
-        return twin
-
     def reset(self) -> None:
         self._frames = np.zeros_like(self._frames)
 
@@ -91,9 +86,8 @@ class PolicyController:
 
     def fork(self) -> "PolicyController":
         """A copy in the same state."""
-        twin = PolicyController(self.task, self.policy)
-        twin._history = self._history.copy()
-        twin.last_action, twin.observation = self.last_action, self.observation
+        twin = copy.copy(self)  # no array of the state is ever changed in place
+        twin._history = copy.copy(self._history)
         return twin
 
     def targets(self, reading: Reading, command: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " j"]:
