@@ -296,7 +296,7 @@ def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tu
 
 def _between(low: float | Weight, high: float, share: Weight) -> Weight:
     """`low` for 0, `high` for 1, geometrically between."""
-    return np.where(share == 1.0, high, low * (high / low) ** share)
+    return np.where(share == 1.0, high, low * (high / low) ** share) if share.any() else np.full_like(share, low)
 
 
 def _rows(*columns: Weight) -> list[tuple[float, ...]]:
