@@ -5,10 +5,9 @@ from typing import Any
 
 import dagster as dg
 
-from assets.approved import approval_metadata, approved_key, approved_part
-from assets.plan import ROBOT, Plan, group_of
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import asset_of, check_result, picture, result_of, table_of
+from assets.approved import approval_metadata, approved_part
+from assets.plan import Plan, group_of, key_of
+from assets.report import check_result, picture, result_of, robot_asset, table_of
 from pipeline.actuators.adapted_robot import adapt, torque_envelope, write_adapted_robot
 from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.folder import calibrate_folder, read_published
@@ -18,20 +17,17 @@ from pipeline.batch import Manifest
 from pipeline.feedback.cell_weights import check_limits, lowered
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.robot import load_robot
 from pipeline.robot_check.agreement import models_agree
 
+MEASUREMENTS = "actuator_measurements"
 CALIBRATED = "every_motor_calibrated"
 AGREE = "adapted_models_agree"
 MODELS_AGREE = "MJCF and URDF compile and have the same mass and joints."
 STANDS = "adapted_robot_stands"
 MAX_TILT_DEG = 1.0
 """Largest tilt of the adapted robot in its standing pose over 10 s."""
-
-
-def measurements_key(robot: str) -> dg.AssetKey:
-    """Key of the external asset that a robot's measurement folder is."""
-    return Plan("actuator_measurements", ROBOT, (), robot=robot).key
 
 
 def measurements_version(project: Project, robot: str) -> tuple[str, dict[str, Any]]:
@@ -43,32 +39,28 @@ def measurements_version(project: Project, robot: str) -> tuple[str, dict[str, A
 def actuator_measurements(robot: str) -> dg.AssetSpec:
     """The folder `data/actuators/<robot>`, versioned by content."""
     return dg.AssetSpec(
-        measurements_key(robot),
-        group_name=group_of("actuator_measurements", robot),
+        key_of(MEASUREMENTS, robot),
+        group_name=group_of(MEASUREMENTS, robot),
         description=f"Torque-speed sweeps and the motor table of data/actuators/{robot}, by content.",
         kinds={"file"},
     )
 
 
-def actuator_calibration(plan: Plan) -> Any:
-    """The asset `actuator_calibration` of a robot."""
-    checks = {CALIBRATED: "Each motor of the table has a knee that was not refused."}
-
-    @asset_of(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)], checks=checks)
-    def actuator_calibration(context: dg.AssetExecutionContext):
-        """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
-        values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
-        folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
-        found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
-        context.log.info(f"{len(found.motors)} motors, calibrated again: {', '.join(found.recomputed) or 'none'}")
-        by_motor = {each.motor: settings.plain(each) for each in found.calibrations}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings=by_motor, recomputed=len(found.recomputed))
-        refused = [f"{each.motor} {each.verdict}" for each in found.calibrations if not each.accepted]
-        check = check_result(plan, CALIBRATED, not refused, "; ".join(refused) or f"{len(found.calibrations)} motors")
-        metadata = {**_calibration_metadata(found, folder), "motors recomputed": ", ".join(found.recomputed) or "none"}
-        return result_of(plan, manifest, metadata, [check])
-
-    return actuator_calibration
+@robot_asset(
+    "scipy", deps=[MEASUREMENTS], checks={CALIBRATED: "Each motor of the table has a knee that was not refused."}
+)
+def actuator_calibration(context: dg.AssetExecutionContext, plan: Plan):
+    """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
+    values = PROJECT.read("actuators.yaml", ActuatorSettings)
+    folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
+    found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
+    context.log.info(f"{len(found.motors)} motors, calibrated again: {', '.join(found.recomputed) or 'none'}")
+    by_motor = {each.motor: settings.plain(each) for each in found.calibrations}
+    manifest = Manifest(stage=plan.name, entries=(), judged=(), settings=by_motor, recomputed=len(found.recomputed))
+    refused = [f"{each.motor} {each.verdict}" for each in found.calibrations if not each.accepted]
+    check = check_result(plan, CALIBRATED, not refused, "; ".join(refused) or f"{len(found.calibrations)} motors")
+    metadata = {**_calibration_metadata(found, folder), "motors recomputed": ", ".join(found.recomputed) or "none"}
+    return result_of(plan, manifest, metadata, [check])
 
 
 def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
@@ -111,43 +103,36 @@ def _with_interval(interval: Any) -> str:
     return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f})"
 
 
-def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
-    """The asset `adapted_robot` of a robot."""
-
-    @asset_of(
-        plan,
-        "mujoco",
-        inputs={"actuator_calibration": calibration, "robot_model": model},
-        deps=[approved_key("motors", plan.robot)],
-        checks={STANDS: f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree."},
-        blocking={AGREE: MODELS_AGREE},
-    )
-    def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
-        """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
-        name = plan.robot or DEFAULT_ROBOT
-        nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
-        values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
-        calibrations = [Calibration.from_dict(each) for each in actuator_calibration.settings.values()]
-        feedback = approved_part(PROJECT, "motors", plan.robot)
-        calibrated = adapt(nominal, calibrations, values)
-        if feedback:
-            rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
-            check_limits(calibrated, feedback, rules.motors.lowest)
-        actuators = lowered(calibrated, feedback)
-        robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
-        files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
-        facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
-        facts |= {"feedback": settings.plain(feedback)} if feedback else {}
-        check = check_result(plan, AGREE, *models_agree(robot), warn=False)
-        metadata, standing = _standing(plan, robot, actuators)
-        metadata |= {
-            **_difference(actuators),
-            **approval_metadata(feedback),
-            "dagster/uri": dg.MetadataValue.path(str(folder)),
-        }
-        return result_of(plan, {robot.digest: facts}, metadata, [check, standing])
-
-    return adapted_robot
+@robot_asset(
+    "mujoco",
+    deps=["approved_limits"],
+    checks={STANDS: f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree."},
+    blocking={AGREE: MODELS_AGREE},
+)
+def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest, plan: Plan):
+    """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
+    name = plan.robot or DEFAULT_ROBOT
+    nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
+    values = PROJECT.read("actuators.yaml", ActuatorSettings)
+    calibrations = [Calibration.from_dict(each) for each in actuator_calibration.settings.values()]
+    feedback = approved_part(PROJECT, "motors", plan.robot)
+    calibrated = adapt(nominal, calibrations, values)
+    if feedback:
+        rules = PROJECT.read("feedback_rules.yaml", FeedbackRules)
+        check_limits(calibrated, feedback, rules.motors.lowest)
+    actuators = lowered(calibrated, feedback)
+    robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
+    files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
+    facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
+    facts |= {"feedback": settings.plain(feedback)} if feedback else {}
+    check = check_result(plan, AGREE, *models_agree(robot), warn=False)
+    metadata, standing = _standing(plan, robot, actuators)
+    metadata |= {
+        **_difference(actuators),
+        **approval_metadata(feedback),
+        "dagster/uri": dg.MetadataValue.path(str(folder)),
+    }
+    return result_of(plan, {robot.digest: facts}, metadata, [check, standing])
 
 
 def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], dg.AssetCheckResult]:

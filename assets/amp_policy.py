@@ -7,10 +7,9 @@ from typing import Any
 
 import dagster as dg
 
-from assets.approved import approved_key, approved_part
+from assets.approved import approved_part
 from assets.plan import Plan, robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import asset_of, result_of
+from assets.report import result_of, robot_asset
 from assets.resources import store_left_to_others
 from assets.tracker_choice import tracker_file
 from assets.training_process import (
@@ -26,22 +25,18 @@ from assets.training_process import (
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.training.config import preset
 
+TRACKED = ("reference_motions", "augmented_motions", "tracking_policy")
+"""Assets that distillation is made of: references, the tracker's rollouts of them, and the tracker."""
 
-def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
-    """The asset `amp_policy` of a robot."""
-    deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
-    plans = robot_plans(plan.robot or DEFAULT_ROBOT)
-    deps += [plans[name].key for name in TRACKED]
 
-    @asset_of(plan, "pytorch", deps=deps, output_required=False)
-    def amp_policy(context: dg.AssetExecutionContext, config: TrainingConfig) -> Iterator[dg.MaterializeResult]:
-        """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
-        if asked_for(context, plan):
-            yield _trained(plan, config, context.log)
-
-    return amp_policy
+@robot_asset("pytorch", deps=["expert_db", "adapted_robot", "approved_randomization", *TRACKED], output_required=False)
+def amp_policy(context: dg.AssetExecutionContext, config: TrainingConfig, plan: Plan) -> Iterator[dg.MaterializeResult]:
+    """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
+    if asked_for(context, plan):
+        yield _trained(plan, config, context.log)
 
 
 def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResult:
@@ -58,10 +53,6 @@ def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResu
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}
 """Approved range -> option of training."""
-
-
-TRACKED = ("reference_motions", "augmented_motions", "tracking_policy")
-"""Assets that distillation is made of: references, the tracker's rollouts of them, and the tracker."""
 
 
 def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:

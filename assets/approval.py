@@ -11,11 +11,11 @@ import secrets
 import dagster as dg
 
 from assets.bootstrap import note_external
-from assets.project import PROJECT, Project
 from assets.report import as_failure
 from pipeline.errors import PipelineError
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.files import atomic
+from pipeline.project import PROJECT, Project
 
 OWNER_ALONE = 0o600
 

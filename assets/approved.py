@@ -11,13 +11,13 @@ from typing import Any
 
 import dagster as dg
 
-from assets.plan import group_of
-from assets.project import DEFAULT_ROBOT, Project
+from assets.plan import group_of, key_of
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import Approvals, part_of, part_version
 from pipeline.feedback.change import Change
 from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import Project
 
 PROPOSAL = dg.AssetKey(["curation_feedback"])
 
@@ -50,9 +50,7 @@ SAYS = {
 
 def approved_key(section: str, robot: str | None) -> dg.AssetKey:
     """Key of the asset that a part is."""
-    name = PARTS[section]
-    bare = section in SHARED_PARTS or robot in (None, DEFAULT_ROBOT)
-    return dg.AssetKey([name]) if bare else dg.AssetKey([str(robot), name])
+    return key_of(PARTS[section], robot)
 
 
 def approved_specs(robot: str | None) -> list[dg.AssetSpec]:

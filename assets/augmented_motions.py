@@ -12,15 +12,14 @@ import pandas as pd
 
 from assets.checks import check_specs
 from assets.plan import Plan
-from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import asset_of, picture, stage_metadata, table_of
+from assets.report import picture, robot_asset, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import materialized, stage_of
 from assets.tracker_choice import no_tracker, tracker_file
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.clips.outcome import Outcome
-from pipeline.files import settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.tracking.before_after import by_skill
 from pipeline.tracking.neighbours import compared_with_neighbours
@@ -36,54 +35,49 @@ BEFORE_AND_AFTER = (
 """Columns of the table of what simulation changed (pipeline/tracking/before_after.py)."""
 
 
-def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan) -> Any:
-    """The asset `augmented_motions` of a robot."""
-    inputs = {"reference_motions": references, "tracking_policy": policy, "adapted_robot": adapted}
+@robot_asset("mujoco", "4", specs=check_specs)
+def augmented_motions(
+    context: dg.AssetExecutionContext,
+    clip_pool: ClipPoolResource,
+    reference_motions: Manifest,
+    tracking_policy: Manifest,
+    adapted_robot: Manifest,
+    plan: Plan,
+):
+    """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
+    from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
 
-    @asset_of(plan, "mujoco", "4", inputs=inputs, specs=check_specs(plan))
-    def augmented_motions(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        reference_motions: Manifest,
-        tracking_policy: Manifest,
-        adapted_robot: Manifest,
-    ):
-        """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
-        from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
+    folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
+    robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
+    values = PROJECT.read("tracking.yaml", TrackingSettings)
+    found = tracker_file(PROJECT, tracking_policy)
+    if found is None:
+        why = no_tracker(plan.robot or DEFAULT_ROBOT)
+        context.log.warning(why)
+        empty = Manifest(stage=plan.name, entries=(), judged=(), settings=reference_motions.settings)
+        return materialized(plan, empty, {"references tracked": f"0: {why}"})
+    tracker, content = found
+    setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=tracker)
+    load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
 
-        folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
-        robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
-        values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
-        found = tracker_file(PROJECT, tracking_policy)
-        if found is None:
-            why = no_tracker(plan.robot or DEFAULT_ROBOT)
-            context.log.warning(why)
-            empty = Manifest(stage=plan.name, entries=(), judged=(), settings=reference_motions.settings)
-            return materialized(plan, empty, {"references tracked": f"0: {why}"})
-        tracker, content = found
-        setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=tracker)
-        load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
+    def run(function: Callable[..., Outcome], name: str = "", entries: Sequence[Entry] = ()) -> Manifest:
+        """The stage `function` on references; what it was asked before is in the store."""
+        stage = stage_of(plan, partial(function, setup=setup), values, name=name, robot_files=robot.digest)
+        stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
+        return run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
 
-        def run(function: Callable[..., Outcome], name: str = "", entries: Sequence[Entry] = ()) -> Manifest:
-            """The stage `function` on references; what it was asked before is in the store."""
-            stage = stage_of(plan, partial(function, setup=setup), values, name=name, robot_files=robot.digest)
-            stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
-            return run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
-
-        manifest = compared_with_neighbours(run(process), reference_motions)
-        metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
-        tracked = tracked_references(manifest, reference_motions)
-        metadata |= tracking_metadata(manifest, tracked)
-        if manifest.entries:
-            metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
-            metadata["before and after simulation"] = picture(before_and_after(tracked))
-            to_failure = partial(run, motion_to_failure, "motion to failure")
-            metadata["worst tracked, when they fail"] = picture(
-                worst_tracked(manifest, reference_motions, to_failure, PROJECT.store, robot)
-            )
-        return materialized(plan, manifest, metadata)
-
-    return augmented_motions
+    manifest = compared_with_neighbours(run(process), reference_motions)
+    metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
+    tracked = tracked_references(manifest, reference_motions)
+    metadata |= tracking_metadata(manifest, tracked)
+    if manifest.entries:
+        metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
+        metadata["before and after simulation"] = picture(before_and_after(tracked))
+        to_failure = partial(run, motion_to_failure, "motion to failure")
+        metadata["worst tracked, when they fail"] = picture(
+            worst_tracked(manifest, reference_motions, to_failure, PROJECT.store, robot)
+        )
+    return materialized(plan, manifest, metadata)
 
 
 def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]:

@@ -11,12 +11,11 @@ from typing import Any
 
 import dagster as dg
 
-from assets.actuators import measurements_key, measurements_version
+from assets.actuators import MEASUREMENTS, measurements_version
 from assets.approved import approved_versions
 from assets.freshness import last_tags, stale_reasons
 from assets.hardware import HARDWARE_LOGS, logs_version
-from assets.plan import SHARED, Plan, plans, robot_plans
-from assets.project import DEFAULT_ROBOT, Project
+from assets.plan import SHARED, Plan, key_of, plans, robot_plans
 from assets.sources import (
     DATA_VERSION_TAG,
     RAW_MOTIONS,
@@ -27,6 +26,7 @@ from assets.sources import (
 )
 from assets.tracker_choice import trackers_for
 from pipeline.errors import PipelineError
+from pipeline.project import DEFAULT_ROBOT, Project
 
 
 def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
@@ -44,7 +44,7 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
         versions |= {RAW_MOTIONS: noted} if noted else {}
     else:
         note_sources(instance, [source.name for source in project.sources().all])
-    found |= {measurements_key(robot): measurements_version(project, robot) for robot in project.robots}
+    found |= {key_of(MEASUREMENTS, robot): measurements_version(project, robot) for robot in project.robots}
     for key, (version, facts) in {**found, **approved_versions(project)}.items():
         versions[key] = version
         if _noted(instance, key) != version:  # Dagster compares an external asset's versions with materializations

@@ -7,28 +7,31 @@ import dagster as dg
 import pandas as pd
 
 from assets.bootstrap import stale_now
-from assets.database_checks import judge_database, last_verdicts, realizability_check
+from assets.database_checks import BLOCKING, CHECKS, judge_database, last_verdicts, realizability_check
 from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import asset_of, curator_link, picture, result_of, table_of
+from assets.report import asset_of, curator_link, picture, result_of, robot_asset, table_of
+from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.dataset_export import export_database
 from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database
-from pipeline.expert.index import database_version
+from pipeline.expert.manifest import FILE as MANIFEST
 from pipeline.expert.swap import replace_folder
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 
 
-def materialize_database(
-    context: dg.AssetExecutionContext, plan: Plan, feasible: Manifest, pool: Any
+@robot_asset("json", checks=CHECKS, blocking=BLOCKING, output_required=False)
+def expert_db(
+    context: dg.AssetExecutionContext,
+    clip_pool: ClipPoolResource,
+    feasible_motions: Manifest,
+    robot_model: Manifest,
+    plan: Plan,
 ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
-    """Write the database from the output of KP5 and check it, or report that nothing is stale, with the last checks.
-
-    Raises NoClipsError and DatabaseLossError for a database that may not take the place of the one before.
-    """
-
+    """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
+    feasible, pool = feasible_motions, clip_pool.pool()
     why = stale_now(context.instance, PROJECT).get(plan.key)
     if why is None:
         context.log.info(f"nothing is stale: '{plan.key.to_user_string()}' is up to date, nothing to do")
@@ -50,22 +53,27 @@ def materialize_database(
     yield dg.MaterializeResult(
         asset_key=plan.key,
         metadata=metadata,
-        data_version=dg.DataVersion(database_version(folder)),
+        data_version=dg.DataVersion(digest.of_file(folder / MANIFEST)),  # its files are checked below
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
-    yield from judge_database(plan, frames=False)  # they were read when they were first written
+    yield from judge_database(plan, frames=False)  # they were checked when they were first written
     yield realizable
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:
+    """An entry for each clip; clips one after the other with equal records share what is said of their stages."""
+    record, stages = None, {}
     for entry in feasible.entries:
+        if entry.record != record:
+            record = entry.record
+            stages = {"stages": [{**done, "parameters": feasible.settings[done["settings"]]} for done in record]}
         yield ExpertEntry(
             clip=StoredClip(name=entry.clip, blob=entry.blob, store=PROJECT.store),
             weight=entry.numbers["weight"],
             skill=entry.numbers["skill"],
             licence=entry.numbers["licence"],
             numbers=entry.numbers,
-            stages={"stages": [{**done, "parameters": feasible.settings[done["settings"]]} for done in entry.record]},
+            stages=stages,
         )
 
 
@@ -97,14 +105,14 @@ EXPORT = "export"
 def dataset_exports(robot: str) -> list[Any]:
     """An asset for each format of `booster-lab export`."""
     plans = robot_plans(robot)
-    return [_export(plans[name], kind, plans["expert_db"]) for kind, name in EXPORTS.items()]
+    return [_export(plans[name], kind) for kind, name in EXPORTS.items()]
 
 
-def _export(plan: Plan, kind: str, database: Plan) -> Any:
+def _export(plan: Plan, kind: str) -> Any:
     @asset_of(
         plan,
         kind,
-        deps=[database.key],
+        deps=["expert_db"],
         description=f"The expert database as `booster-lab export --format {kind}` writes it, with its dataset card.",
     )
     def dataset_export(context: dg.AssetExecutionContext):

@@ -14,7 +14,6 @@ import pandas as pd
 from dagster._core.storage.asset_check_execution_record import AssetCheckExecutionRecordStatus
 
 from assets.plan import Plan, robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, table_of
 from assets.tracker_choice import tracker_file
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
@@ -25,6 +24,7 @@ from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
 from pipeline.feedback.windows import short_of_wanted
 from pipeline.files import settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.tracking.process import Setup, disturbed_motion
 from pipeline.tracking.settings import TrackingSettings
@@ -57,7 +57,7 @@ def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, s
     if found is None:
         raise FileError(PROJECT.shipped_policies(robot_name) / "tracker", f"there is no tracker of '{robot_name}'.")
     tracker, content = found
-    values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
+    values = PROJECT.read("tracking.yaml", TrackingSettings)
     other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed)
     envelope = torque_envelope(read_actuators(folder))
     setup = Setup(settings=other, robot=robot, envelope=envelope, tracker=tracker)
@@ -146,8 +146,8 @@ def _every_skill(plan: Plan, index: pd.DataFrame, stages: Mapping[str, Any]) -> 
 
 
 def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
-    values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
-    found = coverage(index, values.balance, settings.read(PROJECT.settings("commands.yaml"), CommandSettings))
+    values = PROJECT.read("feasibility.yaml", FeasibilitySettings)
+    found = coverage(index, values.balance, PROJECT.read("commands.yaml", CommandSettings))
     axes, plane = found.cells.query("axis != 'forward_yaw'"), found.cells.query("axis == 'forward_yaw'")
     columns = ["axis", "low", "high", "seconds", "effective_seconds_before", "effective_seconds", "clips", "families"]
     shown = {

@@ -16,8 +16,8 @@ from assets.limit_cycles import limit_cycles
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.plan import robot_plans
 from assets.policy import exported_policy
-from assets.project import PROJECT
-from assets.release import release_report, released
+from assets.release import release_report
+from assets.report import assets_of
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
 from assets.sensors import (
@@ -32,24 +32,13 @@ from assets.source_jobs import rerun_source
 from assets.sources import raw_motions
 from assets.tracker_choice import ALWAYS, job_of
 from assets.validation import cross_engine_validation, mujoco_validation, webots_validation
+from pipeline.project import PROJECT
 
 
 def policy_assets(robot: str) -> list[Any]:
     """Training, export, validations and release report of the robot in `robots/<robot>`."""
-    plans = robot_plans(robot)
-    database, adapted, exported = (plans[name] for name in ("expert_db", "adapted_robot", "exported_policy"))
-    known = released(robot)
-    trials = known.get("hardware_trials")
-    judged = exported, adapted
-    return [
-        amp_policy(plans["amp_policy"], database, adapted),
-        exported_policy(exported, plans["amp_policy"], plans["robot_model"]),
-        mujoco_validation(plans["mujoco_validation"], *judged),
-        cross_engine_validation(plans["cross_engine_validation"], *judged),
-        webots_validation(plans["webots_validation"], *judged),
-        limit_cycles(plans["limit_cycles"], *judged, trials.key if trials else None),
-        release_report(plans["release_report"], known),
-    ]
+    validations = (mujoco_validation, cross_engine_validation, webots_validation, limit_cycles)
+    return assets_of(robot, (amp_policy, exported_policy, *validations, release_report))
 
 
 def training_jobs(robot: str) -> list[Any]:

@@ -6,8 +6,7 @@ from typing import Any
 import dagster as dg
 
 from assets.hardware import trials_of
-from assets.plan import FIELD, TRIALS, Plan, robot_plans
-from assets.project import PROJECT
+from assets.plan import FIELD, Plan, robot_plans
 from assets.report import as_failure, asset_of, check_result, result_of, table_of
 from pipeline.actuators.adapted_robot import adapt
 from pipeline.actuators.calibrate import Calibration
@@ -23,6 +22,7 @@ from pipeline.feedback.sim_to_real import twin_of, with_cycle_failures
 from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
 from pipeline.hardware_logs import read_trial
+from pipeline.project import PROJECT
 from pipeline.robot import load_robot
 
 FAILURES = FIELD[0]
@@ -39,7 +39,6 @@ def _calibrations() -> dict[str, Plan]:
 @asset_of(
     FAILURES,
     "numpy",
-    inputs={"hardware_trials": TRIALS},
     deps=[plan.key for plan in _calibrations().values()],
     checks={LOOKED: "Every trial is of a robot that is here, and was read."},
 )
@@ -81,8 +80,8 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
     if robot not in PROJECT.robots:
         return {"unread": f"there is no folder robots/{robot}"}
     with as_failure():
-        values = settings.read(PROJECT.settings("failures.yaml"), FailureSettings)
-        limits = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
+        values = PROJECT.read("failures.yaml", FailureSettings)
+        limits = PROJECT.read("actuators.yaml", ActuatorSettings)
         calibration = PROJECT.store.load(_calibrations()[robot].key.to_user_string())
         nominal = load_robot(PROJECT.robot_folder(robot))
     policy = find_policy(PROJECT.policy_files(robot), numbers.get("policy_digest") or "")

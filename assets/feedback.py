@@ -14,7 +14,6 @@ from assets.approval import ensure_token
 from assets.approved import PAGE_TAG, shown_state
 from assets.failure_modes import reports_of
 from assets.plan import FIELD
-from assets.project import PROJECT
 from assets.report import asset_of, check_result, curator_link, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.feasibility import CommandSettings
@@ -25,6 +24,7 @@ from pipeline.feedback.rules import FeedbackRules
 from pipeline.feedback.trust import is_demonstration
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import PROJECT
 from pipeline.selection import Curation
 
 SHOWN = (
@@ -132,21 +132,16 @@ FAILURES, FEEDBACK, REPORT = FIELD
 NOTHING_PENDING = "nothing_pending"
 
 
-@asset_of(
-    FEEDBACK,
-    "python",
-    inputs={"failure_modes": FAILURES},
-    checks={NOTHING_PENDING: "What the rules propose is what a person approved."},
-)
+@asset_of(FEEDBACK, "python", checks={NOTHING_PENDING: "What the rules propose is what a person approved."})
 def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest):
     """Changes that the failures ask for, by data/feedback_rules.yaml: each bounded, with the logs that it rests on.
 
     They take effect when they are approved: by the job approve_feedback with this page's proposal, or by copying
     data/feedback/proposed.yaml to approved.yaml; the job take_back_feedback takes sections back.
     """
-    rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
-    commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
-    bounds = settings.read(PROJECT.settings("curation.yaml"), Curation).windows.bounds
+    rules = PROJECT.read("feedback_rules.yaml", FeedbackRules)
+    commands = PROJECT.read("commands.yaml", CommandSettings)
+    bounds = PROJECT.read("curation.yaml", Curation).windows.bounds
     proposal = propose(reports_of(failure_modes), rules, commands, bounds)
     found = proposal_digest(proposal.changes)
     write_entries(PROJECT.proposed_feedback, entries_of(proposal.changes, found), head="proposed")
@@ -170,7 +165,7 @@ def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     write_entries(PROJECT.feedback.approved, entries_of(kept, proposal, "the rules, which ask for no approval"))
 
 
-@asset_of(REPORT, "mujoco", inputs={"failure_modes": FAILURES})
+@asset_of(REPORT, "mujoco")
 def sim_to_real_report(failure_modes: Manifest):
     """Each trial beside MuJoCo with the same policy, gains and command: tracking, and the limit cycles of the legs."""
     rows, notes = [], []

@@ -10,12 +10,12 @@ from graphlib import TopologicalSorter
 import dagster as dg
 
 from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_TAG, Plan
-from assets.project import Project
 from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
 from pipeline.expert.index import database_version
 from pipeline.feasibility.criteria_table import belongs, path_beside
 from pipeline.files import digest
+from pipeline.project import Project
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
 NEVER_MATERIALIZED = "INITIAL"

@@ -15,7 +15,6 @@ import dagster as dg
 import pandas as pd
 
 from assets.plan import HARDWARE, TRIALS, Plan, digest_of_robot
-from assets.project import PROJECT, Project
 from assets.report import asset_of, check_result, result_of, table_of
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.clips.outcome import Reason
@@ -31,6 +30,7 @@ from pipeline.hardware_logs.log_folder import (
     packed_files,
     without_copies,
 )
+from pipeline.project import PROJECT, Project
 from pipeline.robot import load_robot
 
 Answer = dict[str, Any]
@@ -199,7 +199,7 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 )
 def hardware_trials(context: dg.AssetExecutionContext):
     """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
-    values = settings.read(PROJECT.settings("hardware_logs.yaml"), LogSettings)
+    values = PROJECT.read("hardware_logs.yaml", LogSettings)
     found = ingest_folder(PROJECT, TRIALS, values, context.log)
     manifest = found.manifest
     refused = [row.clip for row in manifest.judged if row.fate == "rejected"]

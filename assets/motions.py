@@ -5,10 +5,9 @@ from functools import partial
 
 import dagster as dg
 
-from assets.approved import approval_metadata, approved_key, approved_part
+from assets.approved import approval_metadata, approved_part
 from assets.checks import check_specs
 from assets.plan import SHARED
-from assets.project import PROJECT
 from assets.report import asset_of, picture, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
@@ -17,12 +16,13 @@ from pipeline.batch import Manifest, run_files, run_stage
 from pipeline.feedback.windows import chosen_windows
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import PROJECT
 from pipeline.selection import Curation, idle_patterns, process
 
 CATALOG, SELECTED, REPAIRED = SHARED
 
 
-@asset_of(CATALOG, "python", deps=[RAW_MOTIONS], specs=check_specs(CATALOG))
+@asset_of(CATALOG, "python", deps=[RAW_MOTIONS], specs=check_specs)
 def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource):
     """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
     from pipeline.catalog import CatalogSettings, catalogue_file
@@ -41,14 +41,7 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     return materialized(CATALOG, manifest, metadata)
 
 
-@asset_of(
-    SELECTED,
-    "python",
-    "1",
-    inputs={"motion_catalog": CATALOG},
-    deps=[approved_key("selection", None)],
-    specs=check_specs(SELECTED),
-)
+@asset_of(SELECTED, "python", "1", deps=["approved_windows"], specs=check_specs)
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
     from pipeline.viewing.plots import command_coverage
@@ -71,7 +64,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     return materialized(SELECTED, manifest, metadata)
 
 
-@asset_of(REPAIRED, "numpy", "2", inputs={"selected_motions": SELECTED}, specs=check_specs(REPAIRED))
+@asset_of(REPAIRED, "numpy", "2", specs=check_specs)
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
     """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
     from pipeline.repair import RepairSettings, prepare, process

@@ -9,9 +9,9 @@ from typing import Any
 
 import dagster as dg
 
-from assets.project import DEFAULT_ROBOT, Project
 from pipeline.batch.code_version import code_version
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, Project
 
 FINGERPRINT_TAG = "booster_lab/fingerprint"
 """Tag of a materialization: the asset's fingerprint at that time."""
@@ -208,16 +208,25 @@ def plans(project: Project) -> dict[dg.AssetKey, Plan]:
     return {plan.key: plan for plan in (*SHARED, TRIALS, *FIELD, *of_robots)}
 
 
-_EXTERNAL = {
-    "raw_motions": SOURCES,
-    "approved_windows": SELECTION,
-    "actuator_measurements": ROBOT,
-    "approved_limits": ROBOT,
-    "approved_variants": AUGMENTATION,
-    "approved_weights": FEASIBILITY,
-    "approved_randomization": TRAINING,
-}
-_GROUPS = _EXTERNAL | {plan.name: plan.group for plan in (*SHARED, TRIALS, *FIELD, *_OF_ROBOT)}
+_EXTERNAL = (
+    Plan("raw_motions", SOURCES, ()),
+    Plan("hardware_logs", HARDWARE, ()),
+    Plan("approved_windows", SELECTION, ()),
+)
+_EXTERNAL_OF_ROBOT = (
+    Plan("actuator_measurements", ROBOT, ()),
+    Plan("approved_limits", ROBOT, ()),
+    Plan("approved_variants", AUGMENTATION, ()),
+    Plan("approved_weights", FEASIBILITY, ()),
+    Plan("approved_randomization", TRAINING, ()),
+)
+_SHARED = {plan.name: plan for plan in (*SHARED, TRIALS, *FIELD, *_EXTERNAL)}
+_OWN = {plan.name: plan for plan in (*_OF_ROBOT, *_EXTERNAL_OF_ROBOT)}
+
+
+def key_of(name: str, robot: str | None) -> dg.AssetKey:
+    """Key of an asset by its name: the robot's own one, or the one that all robots share."""
+    return _SHARED[name].key if name in _SHARED else dataclasses.replace(_OWN[name], robot=robot).key
 
 
 def group_of(name: str, robot: str | None = None) -> str:
@@ -226,4 +235,5 @@ def group_of(name: str, robot: str | None = None) -> str:
     Args:
         robot: whose asset it is; None for one that all robots share
     """
-    return _GROUPS[name] if robot is None else f"{robot}_{_GROUPS[name]}"
+    group = (_SHARED | _OWN)[name].group
+    return group if robot is None else f"{robot}_{group}"

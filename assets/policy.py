@@ -10,16 +10,16 @@ from typing import Any
 import dagster as dg
 import numpy as np
 
-from assets.plan import Plan
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import asset_of, check_result, result_of
+from assets.plan import Plan, key_of
+from assets.report import check_result, result_of, robot_asset
 from assets.training_process import curves_of
 from pipeline.batch import Manifest
 from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.export.card import page
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.robot import load_robot
-from pipeline.validation.bars import ValidationSettings, read_validation
+from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import Deployed, deployed
 
 EXACT = "gives_the_networks_actions"
@@ -43,55 +43,50 @@ class ExportConfig(dg.Config):
     """Mark a policy that was trained here as one that may ship. Refused where its database's licence forbids it."""
 
 
-def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
-    """The asset `exported_policy` of a robot."""
+@robot_asset(
+    "onnx",
+    deps=["amp_policy", "robot_model"],
+    checks={MAY_SHIP: "The licence of its expert database lets it ship."},
+    blocking={EXACT: "ONNX and TorchScript are the network's."},
+)
+def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig, plan: Plan):
+    """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
+    from pipeline.export.folder import read_export
 
-    @asset_of(
-        plan,
-        "onnx",
-        deps=[trained.key, model.key],
-        checks={MAY_SHIP: "The licence of its expert database lets it ship."},
-        blocking={EXACT: "ONNX and TorchScript are the network's."},
-    )
-    def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig):
-        """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
-        from pipeline.export.folder import read_export
-
-        robot = plan.robot or DEFAULT_ROBOT
-        folder, origin = serve(PROJECT, robot, trained, shippable=config.shippable)
-        export = read_export(folder, load_robot(PROJECT.robot_folder(robot)))
-        card = export.card
-        context.log.info(f"policy '{card.name}' of run '{card.run.get('name')}': {origin}")
-        facts = {
-            "stage": plan.name,
-            "robot": robot,
-            "name": card.name,
-            "origin": origin,
-            "run": card.run.get("name", "not stated"),
-            "digest": card.digest,
-            "database": card.data.get("digest", "not stated"),
-            "shippable": card.shippable,
-            "folder": folder.relative_to(PROJECT.root).as_posix(),
-            "files": card.files,
-        }
-        return result_of(plan, {card.digest: facts}, _export_metadata(export, origin), _export_checks(plan, card))
-
-    return exported_policy
+    robot = plan.robot or DEFAULT_ROBOT
+    folder, origin = serve(PROJECT, robot, shippable=config.shippable)
+    export = read_export(folder, load_robot(PROJECT.robot_folder(robot)))
+    card = export.card
+    context.log.info(f"policy '{card.name}' of run '{card.run.get('name')}': {origin}")
+    facts = {
+        "stage": plan.name,
+        "robot": robot,
+        "name": card.name,
+        "origin": origin,
+        "run": card.run.get("name", "not stated"),
+        "digest": card.digest,
+        "database": card.data.get("digest", "not stated"),
+        "shippable": card.shippable,
+        "folder": folder.relative_to(PROJECT.root).as_posix(),
+        "files": card.files,
+    }
+    return result_of(plan, {card.digest: facts}, _export_metadata(export, origin), _export_checks(plan, card))
 
 
-def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tuple[Path, str]:
+def serve(project: Project, robot: str, *, shippable: bool) -> tuple[Path, str]:
     """Folder of the policy to take, and where it comes from: a full training here, else the one that ships.
 
     Raises NoPolicyError where there is neither, ExportError where it is to be marked shippable and may not.
     """
     from pipeline.export.folder import complete_export, export_policy, source_of_run
 
+    trained = key_of("amp_policy", robot).to_user_string()
     facts = full_training(project, trained)
     folder, rng = project.exported_policy(robot), np.random.default_rng(0)
     if facts is None:
         shipped = project.shipped_policies(robot) / "walk"
         if not (shipped / "card.json").is_file():
-            do = f"dagster asset materialize --select {trained.key.to_user_string()}"
+            do = f"dagster asset materialize --select {trained}"
             raise NoPolicyError(
                 f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
                 f"trained here in full. On a machine with a GPU: {do}"
@@ -105,12 +100,11 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
     return folder, TRAINED
 
 
-def full_training(project: Project, trained: Plan) -> dict[str, Any] | None:
+def full_training(project: Project, trained: str) -> dict[str, Any] | None:
     """The training that `amp_policy` recorded, if that was one and not a trial, and its network is still there."""
-    path = project.store.manifest_path(trained.key.to_user_string())
-    if not path.is_file():
+    if not project.store.manifest_path(trained).is_file():
         return None
-    (facts,) = project.store.load(trained.key.to_user_string()).settings.values()
+    (facts,) = project.store.load(trained).settings.values()
     there = (project.root / facts["folder"] / facts["policy"]).is_file()
     return None if facts["trial"] or not there else facts
 
@@ -170,7 +164,7 @@ def evaluated_policy(
     config: EvaluatedPolicyConfig, exported: Manifest, robot: str
 ) -> tuple[Deployed, ValidationSettings]:
     """The policy that is meant on the adapted robot, and the robot's bars. Raises FileError, SettingsError."""
-    bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
+    bars = PROJECT.validation(robot)
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
     return deployed(PROJECT.adapted_robot(robot), policy), bars
 

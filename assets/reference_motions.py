@@ -7,11 +7,10 @@ from typing import Any
 
 import dagster as dg
 
-from assets.approved import approval_metadata, approved_key, approved_part
+from assets.approved import approval_metadata, approved_part
 from assets.checks import check_specs
 from assets.plan import Plan
-from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import asset_of, picture, stage_metadata
+from assets.report import picture, robot_asset, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.stage import materialized, references_of, stage_of, thresholds, write_table
 from pipeline.augment import AugmentSettings, process
@@ -25,6 +24,7 @@ from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import further_variants, noting
 from pipeline.feedback.change import Change
 from pipeline.files import settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.robot.size import scaled
 
@@ -72,61 +72,49 @@ def with_further_variants(manifest: Manifest, made: Manifest, skill: str) -> Man
     )
 
 
-def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
-    """The asset `motion_variants` of a robot."""
-    inputs, deps = {"retargeted_motions": retargeted, "robot_model": model}, [approved_key("augmentation", plan.robot)]
+@robot_asset("numpy", "4", deps=["approved_variants"], specs=check_specs)
+def motion_variants(
+    context: dg.AssetExecutionContext,
+    clip_pool: ClipPoolResource,
+    retargeted_motions: Manifest,
+    robot_model: Manifest,
+    plan: Plan,
+):
+    """KP4: each clip, its mirror image, both at other speeds, and other steps or postures by the settings."""
 
-    @asset_of(plan, "numpy", "4", inputs=inputs, deps=deps, specs=check_specs(plan))
-    def motion_variants(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        retargeted_motions: Manifest,
-        robot_model: Manifest,
-    ):
-        """KP4: each clip, its mirror image, both at other speeds, and other steps or postures by the settings."""
+    robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+    values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
+    feedback = approved_part(PROJECT, "augmentation", plan.robot)
 
-        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
-        values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
-        feedback = approved_part(PROJECT, "augmentation", plan.robot)
+    def make(wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
+        made_with = partial(process, settings=wanted, robot=robot)
+        stage = stage_of(plan, made_with, wanted)
+        return run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
 
-        def make(wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
-            made_with = partial(process, settings=wanted, robot=robot)
-            stage = stage_of(plan, made_with, wanted)
-            return run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
-
-        manifest = noting(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")
-        strengths = [each.number for each in KINDS.values()]
-        metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | approval_metadata(
-            feedback
-        )
-        return materialized(plan, manifest, metadata)
-
-    return motion_variants
+    manifest = noting(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")
+    strengths = [each.number for each in KINDS.values()]
+    metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | approval_metadata(feedback)
+    return materialized(plan, manifest, metadata)
 
 
-def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
-    """The asset `reference_motions` of a robot."""
-    inputs = {"motion_variants": variants, "adapted_robot": adapted}
+@robot_asset("mujoco", "4", specs=check_specs)
+def reference_motions(
+    context: dg.AssetExecutionContext,
+    clip_pool: ClipPoolResource,
+    motion_variants: Manifest,
+    adapted_robot: Manifest,
+    plan: Plan,
+):
+    """KP4: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
+    from pipeline.viewing.contact_sheet import worst_clips
 
-    @asset_of(plan, "mujoco", "4", inputs=inputs, specs=check_specs(plan))
-    def reference_motions(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        motion_variants: Manifest,
-        adapted_robot: Manifest,
-    ):
-        """KP4: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
-        from pipeline.viewing.contact_sheet import worst_clips
-
-        robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-        values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
-        function = partial(feasibility, settings=values, robot=robot, references=references_of(motion_variants))
-        stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
-        manifest = run_stage(stage, motion_variants, PROJECT.store, clip_pool.pool(), context.log)
-        manifest, criteria = split(manifest, thresholds())
-        metadata = stage_metadata(manifest, ["variant", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
-        metadata |= write_table(plan, criteria, manifest)
-        metadata["clips that lost most"] = picture(worst_clips(manifest, motion_variants, PROJECT.store, robot))
-        return materialized(plan, manifest, metadata)
-
-    return reference_motions
+    robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
+    values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
+    function = partial(feasibility, settings=values, robot=robot, references=references_of(motion_variants))
+    stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
+    manifest = run_stage(stage, motion_variants, PROJECT.store, clip_pool.pool(), context.log)
+    manifest, criteria = split(manifest, thresholds())
+    metadata = stage_metadata(manifest, ["variant", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
+    metadata |= write_table(plan, criteria, manifest)
+    metadata["clips that lost most"] = picture(worst_clips(manifest, motion_variants, PROJECT.store, robot))
+    return materialized(plan, manifest, metadata)

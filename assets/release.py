@@ -11,14 +11,14 @@ import numpy as np
 from assets.bootstrap import cause, stale_now
 from assets.plan import RELEASED, Plan, plans
 from assets.policy import served, served_policy
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import asset_of, check_result, page_link, result_of
+from assets.report import check_result, page_link, result_of, robot_asset
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.export.card import card_rows, read_card
 from pipeline.files import atomic, digest
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.release.dossier import Dossier, Origin, Picture, Verdict, verdict_of
 from pipeline.release.page import page
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
@@ -37,38 +37,32 @@ FACTS = 8
 PICTURE = re.compile(r"data:image/(png|gif);base64,([A-Za-z0-9+/=]+)")
 
 
-def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
-    """The asset `release_report` of a robot; `known` are the plans of the assets it is made from, by name."""
-    checks = {READY: "Every check was run on this policy and passed."}
-
-    @asset_of(plan, "html", deps=[each.key for each in known.values()], checks=checks)
-    def release_report(context: dg.AssetExecutionContext):
-        """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
-        robot = plan.robot or DEFAULT_ROBOT
-        dossier = gather(context.instance, PROJECT, robot, known, stale_now(context.instance, PROJECT))
-        path = PROJECT.release_report(robot)
-        text = page(dossier)
-        atomic.write_text(path, text)
-        points = dossier.open_points
-        for point in points:
-            context.log.info(f"open: {point}")
-        facts = {
-            "stage": plan.name,
-            "policy": dossier.policy,
-            "page": digest.of_bytes(text.encode()),
-            "open": [*points],
-        }
-        check = check_result(plan, READY, not points, "; ".join(points) or "every check was run and passed")
-        metadata = {
-            "policy": dossier.policy or "none",
-            "open points": dg.MetadataValue.md(markdown_list(points)),
-            "digest of the page": facts["page"],
-            **page_link(f"release/{robot}", "the page to sign"),
-            "dagster/uri": dg.MetadataValue.path(str(path)),
-        }
-        return result_of(plan, {"release": facts}, metadata, [check])
-
-    return release_report
+@robot_asset("html", deps=RELEASED, checks={READY: "Every check was run on this policy and passed."})
+def release_report(context: dg.AssetExecutionContext, plan: Plan):
+    """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
+    robot = plan.robot or DEFAULT_ROBOT
+    dossier = gather(context.instance, PROJECT, robot, released(robot), stale_now(context.instance, PROJECT))
+    path = PROJECT.release_report(robot)
+    text = page(dossier)
+    atomic.write_text(path, text)
+    points = dossier.open_points
+    for point in points:
+        context.log.info(f"open: {point}")
+    facts = {
+        "stage": plan.name,
+        "policy": dossier.policy,
+        "page": digest.of_bytes(text.encode()),
+        "open": [*points],
+    }
+    check = check_result(plan, READY, not points, "; ".join(points) or "every check was run and passed")
+    metadata = {
+        "policy": dossier.policy or "none",
+        "open points": dg.MetadataValue.md(markdown_list(points)),
+        "digest of the page": facts["page"],
+        **page_link(f"release/{robot}", "the page to sign"),
+        "dagster/uri": dg.MetadataValue.path(str(path)),
+    }
+    return result_of(plan, {"release": facts}, metadata, [check])
 
 
 def gather(

@@ -11,12 +11,12 @@ from urllib.parse import quote
 import dagster as dg
 import pandas as pd
 
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of
-from assets.project import PROJECT
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of, key_of, robot_plans
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.files.shown_text import markdown_table
 from pipeline.learning.training_error import TrainingError
+from pipeline.project import PROJECT
 from pipeline.robot import Robot
 from pipeline.robot.build import COLUMNS
 
@@ -26,20 +26,22 @@ def asset_of(
     kind: str,
     kp: str = "",
     *,
-    inputs: Mapping[str, Plan] | None = None,
+    deps: Sequence[str | dg.AssetKey] = (),
     checks: Mapping[str, str] | None = None,
     blocking: Mapping[str, str] | None = None,
-    specs: Sequence[dg.AssetCheckSpec] = (),
+    specs: Callable[[Plan], list[dg.AssetCheckSpec]] = lambda plan: [],
     **others: Any,
 ) -> Callable[[Callable[..., Any]], dg.AssetsDefinition]:
     """`dg.asset` with what follows from the plan. An error of the project is a Failure with its sentence.
 
+    An argument of the function that is a `Manifest` is an input, the asset of that name; `plan` is the plan.
+
     Args:
         kind: what it is made with, as the graph shows it
         kp: number of its key problem
-        inputs: what it takes, by argument name
+        deps: further assets that it depends on, as names or keys; a name is of the same robot, or shared
         checks: checks that it declares, name -> description; those of `blocking` stop what is downstream
-        specs: further checks
+        specs: further checks by the plan
         others: of `dg.asset`
     """
     named = [(blocking or {}, True), (checks or {}, False)]
@@ -56,12 +58,34 @@ def asset_of(
             kinds={kind},
             code_version=plan.code_version(),
             tags={name: value for name, value in (("robot", plan.robot), ("kp", kp)) if value},
-            ins={name: dg.AssetIn(each.key) for name, each in (inputs or {}).items()},
-            check_specs=[*specs, *declared],
+            ins={
+                name: dg.AssetIn(key_of(name, plan.robot))
+                for name, each in inspect.signature(function).parameters.items()
+                if each.annotation is Manifest
+            },
+            deps=[key_of(each, plan.robot) if isinstance(each, str) else each for each in deps],
+            check_specs=[*specs(plan), *declared],
             **others,
-        )(_with_plain_errors(function))
+        )(_body(function, plan))
 
     return decorate
+
+
+def robot_asset(
+    kind: str, kp: str = "", **others: Any
+) -> Callable[[Callable[..., Any]], Callable[[Plan], dg.AssetsDefinition]]:
+    """`asset_of` for an asset that every robot has: the function, whose name is the asset's, becomes its factory."""
+
+    def decorate(function: Callable[..., Any]) -> Callable[[Plan], dg.AssetsDefinition]:
+        return functools.wraps(function)(lambda plan: asset_of(plan, kind, kp, **others)(function))
+
+    return decorate
+
+
+def assets_of(robot: str, factories: Sequence[Callable[[Plan], dg.AssetsDefinition]]) -> list[dg.AssetsDefinition]:
+    """The assets of a robot that factories (`robot_asset`) make."""
+    plans = robot_plans(robot)
+    return [make(plans[make.__name__]) for make in factories]
 
 
 def result_of(
@@ -200,17 +224,22 @@ def as_failure() -> Iterator[None]:
         raise dg.Failure(str(error), allow_retries=False) from None
 
 
-def _with_plain_errors(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`as_failure` around the body of an asset, which may be a generator."""
+def _body(function: Callable[..., Any], plan: Plan) -> Callable[..., Any]:
+    """`as_failure` around the body of an asset, which may be a generator, with its plan where it asks for that."""
+    signature = inspect.signature(function)
+    given = {"plan": plan} if "plan" in signature.parameters else {}
 
     @functools.wraps(function)
     def returned(*arguments: Any, **named: Any) -> Any:
         with as_failure():
-            return function(*arguments, **named)
+            return function(*arguments, **named, **given)
 
     @functools.wraps(function)
     def yielded(*arguments: Any, **named: Any) -> Any:
         with as_failure():
-            yield from function(*arguments, **named)
+            yield from function(*arguments, **named, **given)
 
-    return yielded if inspect.isgeneratorfunction(function) else returned
+    body: Any = yielded if inspect.isgeneratorfunction(function) else returned
+    left = [each for name, each in signature.parameters.items() if name not in given]
+    body.__signature__ = signature.replace(parameters=left)
+    return body

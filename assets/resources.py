@@ -9,11 +9,11 @@ from typing import IO, Any
 import dagster as dg
 
 from assets.bootstrap import BOOTSTRAP_TAG, bring_up_to_date
-from assets.project import PROJECT
 from assets.report import as_failure
 from assets.runs import alive, fail_dead_runs
 from pipeline.batch import ClipPool, Manifest
 from pipeline.batch.store import LOCK
+from pipeline.project import PROJECT
 
 
 class ClipPoolResource(dg.ConfigurableResource):

@@ -1,7 +1,7 @@
 """The stages of one robot, from one factory: a robot is a folder in `robots/`, no stage knows which."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -9,20 +9,19 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import MODELS_AGREE, actuator_calibration, actuator_measurements, adapted_robot
-from assets.approved import approval_metadata, approved_key, approved_part, approved_specs
+from assets.approved import approval_metadata, approved_part, approved_specs
 from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
-from assets.database import materialize_database
-from assets.database_checks import BLOCKING, CHECKS
-from assets.plan import SHARED, Plan, robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.database import expert_db
+from assets.plan import Plan, robot_plans
 from assets.reference_motions import motion_variants, reference_motions
 from assets.report import (
-    asset_of,
+    assets_of,
     check_result,
     joint_table,
     picture,
     result_of,
+    robot_asset,
     stage_metadata,
     table_of,
 )
@@ -31,17 +30,18 @@ from assets.stage import materialized, references_of, stage_of, thresholds, writ
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
+from pipeline.batch.shard import MISSING
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
 from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
-from pipeline.feasibility.criteria_table import split
-from pipeline.feasibility.evaluated import READ as OF_RESULTS
-from pipeline.feasibility.evaluated import Results, ResultsOfPieces, with_evaluated, without_evaluated
+from pipeline.feasibility.criteria_table import split, with_origins
+from pipeline.feasibility.evaluated import criteria_of_pieces, together, with_evaluated, without_evaluated
 from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.robot.size import scaled
 from pipeline.robot_check.agreement import models_agree
@@ -61,145 +61,117 @@ COMMANDS = "commands that weights are spread over"
 
 def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
     """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
-    plans = robot_plans(robot)
-    model, calibration, adapted = (plans[name] for name in ("robot_model", "actuator_calibration", "adapted_robot"))
-    retargeted, variants, references = (
-        plans[name] for name in ("retargeted_motions", "motion_variants", "reference_motions")
+    factories = (
+        *(robot_model, actuator_calibration, adapted_robot, retargeted_motions, motion_variants, reference_motions),
+        *(tracking_policy, augmented_motions, feasible_motions, expert_db),
     )
-    tracker, rollouts, feasible = (plans[name] for name in ("tracking_policy", "augmented_motions", "feasible_motions"))
-    return [
-        *approved_specs(robot),
-        actuator_measurements(robot),
-        _robot_model(model),
-        actuator_calibration(calibration),
-        adapted_robot(adapted, calibration, model),
-        _retargeted_motions(retargeted, model),
-        motion_variants(variants, retargeted, model),
-        reference_motions(references, variants, adapted),
-        tracking_policy(tracker, references, adapted),
-        augmented_motions(rollouts, references, tracker, adapted),
-        _feasible_motions(feasible, rollouts, references, adapted),
-        _expert_db(plans["expert_db"], feasible, model),
-    ]
+    return [*approved_specs(robot), actuator_measurements(robot), *assets_of(robot, factories)]
 
 
-def _robot_model(plan: Plan) -> Any:
-    @asset_of(plan, "mujoco", blocking={"models_agree": MODELS_AGREE})
-    def robot_model(context: dg.AssetExecutionContext):
-        """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
-        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
-        facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
-        check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
-        return result_of(plan, {robot.digest: facts}, {"joints": table_of(joint_table(robot))}, [check])
-
-    return robot_model
+@robot_asset("mujoco", blocking={"models_agree": MODELS_AGREE})
+def robot_model(context: dg.AssetExecutionContext, plan: Plan):
+    """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
+    robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+    facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
+    check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
+    return result_of(plan, {robot.digest: facts}, {"joints": table_of(joint_table(robot))}, [check])
 
 
-def _retargeted_motions(plan: Plan, model: Plan) -> Any:
-    @asset_of(
-        plan, "placo", "4", inputs={"repaired_motions": SHARED[-1], "robot_model": model}, specs=check_specs(plan)
+@robot_asset("placo", "4", specs=check_specs)
+def retargeted_motions(
+    context: dg.AssetExecutionContext,
+    clip_pool: ClipPoolResource,
+    repaired_motions: Manifest,
+    robot_model: Manifest,
+    plan: Plan,
+):
+    """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
+    from pipeline.retarget import RetargetSettings
+    from pipeline.retarget.process import onto_robot
+
+    robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+    values = PROJECT.read("retarget.yaml", RetargetSettings)
+    stage = stage_of(plan, partial(onto_robot, settings=values, robot=robot), values)
+    manifest = run_stage(stage, repaired_motions, PROJECT.store, clip_pool.pool(), context.log)
+    numbers = ["worst_figure", "times_its_bar", "leg_ratio", "slip_m_s", "slip_strict_m_s", "drift_m"]
+    numbers += ["penetration_m", "height_shift_m", "limb_error_deg", "thigh_error_deg", "shank_error_deg"]
+    numbers += ["trunk_error_deg", "heading_error_deg", "jerk_rad_s3", "jump_percent"]
+    numbers += ["pelvis_velocity_error_m_s", "pelvis_acceleration_ratio", "lateral_share", "lean_taken_off_deg"]
+    return materialized(plan, manifest, stage_metadata(manifest, numbers, highest_first="times_its_bar"))
+
+
+STORED = "stored_as_evaluated"
+BYTES_HOLD = (
+    "Every accepted clip is in the store under the digest of its bytes, and reading and writing it again gives the "
+    "same bytes: what is stored is what was evaluated."
+)
+
+
+@robot_asset("mujoco", "5", deps=["approved_weights"], specs=check_specs, blocking={STORED: BYTES_HOLD})
+def feasible_motions(
+    context: dg.AssetExecutionContext,
+    clip_pool: ClipPoolResource,
+    augmented_motions: Manifest,
+    reference_motions: Manifest,
+    adapted_robot: Manifest,
+    plan: Plan,
+):
+    """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
+    from pipeline.viewing.contact_sheet import worst_clips
+    from pipeline.viewing.plots import command_seconds, lost_seconds
+
+    robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
+    values = scaled(PROJECT.read("feasibility.yaml", FeasibilitySettings), robot)
+    commands = PROJECT.read("commands.yaml", CommandSettings)
+    curation = PROJECT.read("curation.yaml", Curation)
+    kind = curation.expert_motions
+    if untracked(augmented_motions, reference_motions) and kind != "references":
+        context.log.warning(no_tracker(plan.robot or DEFAULT_ROBOT))
+        kind = "references"
+    candidates = candidate_motions(augmented_motions, reference_motions, kind)
+    tracked = references_of(candidates, reference_motions)
+    function = partial(process, settings=values, robot=robot, references=tracked)
+    stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
+    references = robot_plans(robot.name)["reference_motions"]
+    evaluated = criteria_at_hand(references) if kind != "rollouts" else None
+    pieces = set() if evaluated is None else set(evaluated["piece"].cat.categories)
+    rest, known = without_evaluated(candidates, stage, pieces)
+    if known:
+        context.log.info(f"{plan.name}: {len(known)} references were evaluated by {references.name}")
+    manifest = run_stage(stage, rest, PROJECT.store, clip_pool.pool(), context.log)
+    manifest, criteria = split(manifest, thresholds())
+    if evaluated is not None and known:
+        own = with_origins(criteria_of_pieces(evaluated, known), thresholds())
+        manifest, criteria = with_evaluated(manifest, stage, known), together([criteria, own])
+    manifest = without_excluded(manifest, curation.decisions)
+    damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
+    manifest = _weighed(manifest, values, commands)
+    feedback = approved_part(PROJECT, "weights", plan.robot)
+    manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
+    manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values, commands)
+    metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
+    metadata |= (
+        approval_metadata(feedback) | reweighted | write_table(plan, criteria, manifest) | {"expert motions": kind}
     )
-    def retargeted_motions(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        repaired_motions: Manifest,
-        robot_model: Manifest,
-    ):
-        """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
-        from pipeline.retarget import RetargetSettings
-        from pipeline.retarget.process import onto_robot
-
-        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
-        values = settings.read(PROJECT.settings("retarget.yaml"), RetargetSettings)
-        stage = stage_of(plan, partial(onto_robot, settings=values, robot=robot), values)
-        manifest = run_stage(stage, repaired_motions, PROJECT.store, clip_pool.pool(), context.log)
-        numbers = ["worst_figure", "times_its_bar", "leg_ratio", "slip_m_s", "slip_strict_m_s", "drift_m"]
-        numbers += ["penetration_m", "height_shift_m", "limb_error_deg", "thigh_error_deg", "shank_error_deg"]
-        numbers += ["trunk_error_deg", "heading_error_deg", "jerk_rad_s3", "jump_percent"]
-        numbers += ["pelvis_velocity_error_m_s", "pelvis_acceleration_ratio", "lateral_share", "lean_taken_off_deg"]
-        return materialized(plan, manifest, stage_metadata(manifest, numbers, highest_first="times_its_bar"))
-
-    return retargeted_motions
+    metadata |= _variations(augmented_motions, manifest)
+    if manifest.entries:
+        spent = by_command(manifest.entry_table(["seconds", *VELOCITIES, SECONDS_COLUMN]))
+        metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
+        cells = coverage(manifest.entry_table([*NEEDED, *WHERE_THERE]), values.balance, commands).cells
+        metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
+    metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
+    metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
+    what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
+    check = check_result(plan, STORED, not damaged, what, warn=False)
+    result = materialized(plan, manifest, metadata)
+    return result._replace(check_results=[*result.check_results, check])
 
 
-def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Plan) -> Any:
-    stored = "stored_as_evaluated"
-    bytes_hold = (
-        "Every accepted clip is in the store under the digest of its bytes, and reading and writing it again gives the "
-        "same bytes: what is stored is what was evaluated."
-    )
-
-    @asset_of(
-        plan,
-        "mujoco",
-        "5",
-        inputs={"augmented_motions": rollouts, "reference_motions": references, "adapted_robot": adapted},
-        deps=[approved_key("weights", plan.robot)],
-        specs=check_specs(plan),
-        blocking={stored: bytes_hold},
-    )
-    def feasible_motions(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        augmented_motions: Manifest,
-        reference_motions: Manifest,
-        adapted_robot: Manifest,
-    ):
-        """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
-        from pipeline.viewing.contact_sheet import worst_clips
-        from pipeline.viewing.plots import command_seconds, lost_seconds
-
-        robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-        values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
-        commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
-        curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
-        kind = curation.expert_motions
-        if untracked(augmented_motions, reference_motions) and kind != "references":
-            context.log.warning(no_tracker(plan.robot or DEFAULT_ROBOT))
-            kind = "references"
-        candidates = candidate_motions(augmented_motions, reference_motions, kind)
-        tracked = references_of(candidates, reference_motions)
-        function = partial(process, settings=values, robot=robot, references=tracked)
-        stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
-        results = results_at_hand(references) if kind != "rollouts" else {}
-        rest, known = without_evaluated(candidates, stage, results)
-        if known:
-            context.log.info(f"{plan.name}: {len(known)} references were evaluated by {references.name}")
-        manifest = run_stage(stage, rest, PROJECT.store, clip_pool.pool(), context.log)
-        manifest = with_evaluated(manifest, stage, known, results)
-        manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
-        damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
-        manifest = _weighed(manifest, values, commands)
-        feedback = approved_part(PROJECT, "weights", plan.robot)
-        manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
-        manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values, commands)
-        metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
-        metadata |= (
-            approval_metadata(feedback) | reweighted | write_table(plan, criteria, manifest) | {"expert motions": kind}
-        )
-        metadata |= _variations(augmented_motions, manifest)
-        if manifest.entries:
-            spent = by_command(manifest.entry_table(["seconds", *VELOCITIES, SECONDS_COLUMN]))
-            metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
-            cells = coverage(manifest.entry_table([*NEEDED, *WHERE_THERE]), values.balance, commands).cells
-            metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
-        metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
-        metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
-        what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
-        check = check_result(plan, stored, not damaged, what, warn=False)
-        result = materialized(plan, manifest, metadata)
-        return result._replace(check_results=[*result.check_results, check])
-
-    return feasible_motions
-
-
-def results_at_hand(references: Plan) -> Results:
-    """What KP5 found on each reference, by name; nothing where its table is not that of the stored references."""
+def criteria_at_hand(references: Plan) -> pd.DataFrame | None:
+    """What KP5 found on the references; None where its table is not that of the stored references."""
     manifest = PROJECT.store.manifest_path(references.key.to_user_string())
     path = criteria_table.path_beside(manifest)
-    if not criteria_table.belongs(path, manifest):
-        return {}
-    return ResultsOfPieces(criteria_table.read(path, manifest, references.name, OF_RESULTS))
+    return criteria_table.read(path, manifest, references.name) if criteria_table.belongs(path, manifest) else None
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:
@@ -214,9 +186,10 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
     """
     if kind == "rollouts":
         return rollouts
-    at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
-    kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
-    references = dataclasses.replace(references, entries=kept)
+    at_fault = {clip for clip, fault in rollouts.findings("clip", AT_FAULT) if fault is not MISSING and fault}
+    if at_fault:
+        kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
+        references = dataclasses.replace(references, entries=kept)
     if kind == "references":
         return references
     return dataclasses.replace(
@@ -264,24 +237,3 @@ def _reweighed(
     }
     cells = [vars(cell) for cell in found.cells]
     return manifest.with_numbers(numbers), {"command cells by feedback": table_of(cells)}
-
-
-def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
-    @asset_of(
-        plan,
-        "json",
-        inputs={"feasible_motions": feasible, "robot_model": model},
-        checks=CHECKS,
-        blocking=BLOCKING,
-        output_required=False,
-    )
-    def expert_db(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        feasible_motions: Manifest,
-        robot_model: Manifest,
-    ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
-        """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
-        yield from materialize_database(context, plan, feasible_motions, clip_pool.pool())
-
-    return expert_db

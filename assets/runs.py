@@ -17,7 +17,7 @@ from pathlib import Path
 import dagster as dg
 
 from assets.bootstrap import BOOTSTRAP_TAG
-from assets.project import Project
+from pipeline.project import Project
 
 
 @contextmanager

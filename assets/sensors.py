@@ -23,11 +23,11 @@ from assets.bootstrap import note_external
 from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
-from assets.project import PROJECT, Project
 from assets.runs import recent_runs
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest
+from pipeline.project import PROJECT, Project
 
 renew_feedback_page = dg.define_asset_job(
     "renew_feedback_page",

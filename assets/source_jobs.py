@@ -8,10 +8,10 @@ one source each: of what this job works on, the shards of other sources are reca
 import dagster as dg
 
 from assets.bootstrap import work_again
-from assets.project import PROJECT
 from assets.report import as_failure
 from assets.sources import SOURCES
 from pipeline.batch.again import working_again_on
+from pipeline.project import PROJECT
 
 
 @dg.op(

@@ -8,9 +8,9 @@ from typing import Any
 import dagster as dg
 
 from assets.plan import group_of
-from assets.project import Project
 from pipeline.files import digest
 from pipeline.files.shown_text import markdown_table
+from pipeline.project import Project
 from pipeline.readers import SourcesInUse, content_digest, list_files, list_motion_files, source_warnings
 from pipeline.readers.remembered import VARIABLE, check_sources, remember
 

@@ -8,15 +8,16 @@ import pandas as pd
 
 from assets.checks import evaluate
 from assets.plan import Plan, digest_of_robot
-from assets.project import PROJECT
 from assets.report import curator_link, result_of, table_of
 from pipeline.batch import Manifest, Stage
+from pipeline.batch.shard import MISSING
 from pipeline.errors import PipelineError
 from pipeline.feasibility import criteria_table
 from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criterion, worst_margins
 from pipeline.feasibility.reference import CONTENT, StoredReferences
 from pipeline.files import settings
 from pipeline.files.sourced import Origin, origins
+from pipeline.project import PROJECT
 from pipeline.readers.listing import load_reference, named_reference
 
 
@@ -79,10 +80,14 @@ def references_of(manifest: Manifest, reference_motions: Manifest | None = None)
     `reference_motions` has those of KP4's own rollouts, by name.
     """
 
-    wanted = {str(entry.numbers[CONTENT]): entry.numbers for entry in manifest.entries if entry.numbers.get(CONTENT)}
-    blobs = {entry.clip: entry.blob for entry in reference_motions.entries} if reference_motions else {}
-    for content, numbers in sorted(wanted.items()):
-        found = _reference(str(numbers["source"]), str(numbers["file"]))
+    wanted = {
+        content: (source, file)
+        for content, source, file in manifest.kept(CONTENT, "source", "file")
+        if content is not MISSING and content
+    }
+    blobs = dict(reference_motions.kept("clip", "blob")) if reference_motions else {}
+    for content, (source, file) in sorted(wanted.items()):
+        found = _reference(str(source), str(file))
         if found is not None and found.content == content:
             blobs[content] = PROJECT.store.put_clip(found.clip)
     return StoredReferences(store=PROJECT.store, blobs=blobs)

@@ -11,9 +11,9 @@ from typing import Any
 import dagster as dg
 
 from assets.plan import SHARED, robot_plans
-from assets.project import DEFAULT_ROBOT, Project
 from assets.training_process import gpus_here
 from pipeline.batch import Manifest
+from pipeline.project import DEFAULT_ROBOT, Project
 from pipeline.tracking.tracker_folder import read_card
 
 TRAINED, SHIPPED = "trained here", "ships with the project"

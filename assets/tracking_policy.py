@@ -6,8 +6,7 @@ from typing import Any, Literal
 import dagster as dg
 
 from assets.plan import Plan
-from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import asset_of, result_of
+from assets.report import result_of, robot_asset
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
 from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, Run, device_of, run_in, train
@@ -16,6 +15,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import robot_facts
 from pipeline.files import digest
 from pipeline.learning.run_command import commit_of
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.tracking.task import ITERATIONS
 from pipeline.tracking.tracker_folder import read_card
@@ -40,59 +40,55 @@ class TrackerConfig(dg.Config):
     seed: int = 1
 
 
-def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
-    """The asset `tracking_policy` of a robot."""
+@robot_asset("pytorch", "4")
+def tracking_policy(
+    context: dg.AssetExecutionContext,
+    config: TrackerConfig,
+    clip_pool: ClipPoolResource,
+    reference_motions: Manifest,
+    adapted_robot: Manifest,
+    plan: Plan,
+):
+    """The policy that tracks references in simulation: trained here, or the one that ships.
 
-    @asset_of(plan, "pytorch", "4", inputs={"reference_motions": references, "adapted_robot": adapted})
-    def tracking_policy(
-        context: dg.AssetExecutionContext,
-        config: TrackerConfig,
-        clip_pool: ClipPoolResource,
-        reference_motions: Manifest,
-        adapted_robot: Manifest,
-    ):
-        """The policy that tracks references in simulation: trained here, or the one that ships.
-
-        A robot without any has an empty result; its database is then made of references.
-        """
-        robot = plan.robot or DEFAULT_ROBOT
-        new = unknown_references(PROJECT, robot, reference_motions)
-        if config.train == ALWAYS or (config.train == CHANGED and new):
-            _train(plan, config, reference_motions, robot, clip_pool, context.log)
-        served = served_tracker(PROJECT, robot)
-        if served is None:
-            why = no_tracker(robot)
-            context.log.warning(why)
-            return result_of(plan, {}, {"origin": why})
-        folder, origin = served
-        card = read_card(folder)
-        unknown = unknown_references(PROJECT, robot, reference_motions)
-        facts = {
-            "stage": plan.name,
-            "robot": robot,
-            "origin": origin,
-            "folder": folder.relative_to(PROJECT.root).as_posix(),
-            "files": card.files,
-            "licences": list(card.licences),
-        }
-        metadata = {
-            "origin": origin,
-            "folder": facts["folder"],
-            "figures of its own clips": dg.MetadataValue.json(card.figures),
-            "training": dg.MetadataValue.json(card.training),
-            "trained on": f"{len(card.clips)} clips",
-            "references that it was not trained on": len(unknown),
-            "licences": ", ".join(card.licences),
-        }
-        if unknown:
-            context.log.warning(
-                f"{len(unknown)} of {len(reference_motions.entries)} references are not among the tracker's clips, as "
-                f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job "
-                f"{job_of('train_tracker', robot)}. Before a policy is trained on a GPU, that happens by itself."
-            )
-        return result_of(plan, {digest.of_json(card.files): facts}, metadata)
-
-    return tracking_policy
+    A robot without any has an empty result; its database is then made of references.
+    """
+    robot = plan.robot or DEFAULT_ROBOT
+    new = unknown_references(PROJECT, robot, reference_motions)
+    if config.train == ALWAYS or (config.train == CHANGED and new):
+        _train(plan, config, reference_motions, robot, clip_pool, context.log)
+    served = served_tracker(PROJECT, robot)
+    if served is None:
+        why = no_tracker(robot)
+        context.log.warning(why)
+        return result_of(plan, {}, {"origin": why})
+    folder, origin = served
+    card = read_card(folder)
+    unknown = unknown_references(PROJECT, robot, reference_motions)
+    facts = {
+        "stage": plan.name,
+        "robot": robot,
+        "origin": origin,
+        "folder": folder.relative_to(PROJECT.root).as_posix(),
+        "files": card.files,
+        "licences": list(card.licences),
+    }
+    metadata = {
+        "origin": origin,
+        "folder": facts["folder"],
+        "figures of its own clips": dg.MetadataValue.json(card.figures),
+        "training": dg.MetadataValue.json(card.training),
+        "trained on": f"{len(card.clips)} clips",
+        "references that it was not trained on": len(unknown),
+        "licences": ", ".join(card.licences),
+    }
+    if unknown:
+        context.log.warning(
+            f"{len(unknown)} of {len(reference_motions.entries)} references are not among the tracker's clips, as "
+            f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job "
+            f"{job_of('train_tracker', robot)}. Before a policy is trained on a GPU, that happens by itself."
+        )
+    return result_of(plan, {digest.of_json(card.files): facts}, metadata)
 
 
 def _train(

@@ -11,13 +11,12 @@ import dagster as dg
 
 from assets.plan import Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
-from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import asset_of, check_result, picture, result_of, table_of
+from assets.report import check_result, picture, result_of, robot_asset, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import digest
-from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot.load import read_description
 from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.figures import measure
@@ -41,33 +40,32 @@ class ValidationConfig(EvaluatedPolicyConfig):
     suite: Literal["quick", "full"] = "full"
 
 
-def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
-    """The asset `mujoco_validation` of a robot."""
-    checks = {PASSED: "Every required cell of the robot's validation.yaml holds all of its bars."}
-
-    @asset_of(plan, "mujoco", inputs={"exported_policy": exported}, deps=[adapted.key], checks=checks)
-    def mujoco_validation(
-        context: dg.AssetExecutionContext,
-        config: ValidationConfig,
-        clip_pool: ClipPoolResource,
-        exported_policy: Manifest,
-    ):
-        """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
-        robot = plan.robot or DEFAULT_ROBOT
-        one, bars = evaluated_policy(config, exported_policy, robot)
-        measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
-        verdict = judge(measured, bars, suite=config.suite, policy=digest(one.policy), robot=one.robot.digest)
-        folder = PROJECT.simulated_failures(robot, "mujoco")
-        logs = write_failed_trials(one, verdict, folder)
-        remove_earlier_logs(folder, logs)
-        context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
-        not_run = [] if config.suite == "full" else ["the full suite: only the quick one was run"]
-        record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": not_run}
-        reasons = "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"
-        check = check_result(plan, PASSED, verdict.passed, reasons, _note(verdict))
-        return result_of(plan, {VERDICT: record}, _metadata(one, verdict, logs), [check])
-
-    return mujoco_validation
+@robot_asset(
+    "mujoco",
+    deps=["adapted_robot"],
+    checks={PASSED: "Every required cell of the robot's validation.yaml holds all of its bars."},
+)
+def mujoco_validation(
+    context: dg.AssetExecutionContext,
+    config: ValidationConfig,
+    clip_pool: ClipPoolResource,
+    exported_policy: Manifest,
+    plan: Plan,
+):
+    """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
+    robot = plan.robot or DEFAULT_ROBOT
+    one, bars = evaluated_policy(config, exported_policy, robot)
+    measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
+    verdict = judge(measured, bars, suite=config.suite, policy=digest(one.policy), robot=one.robot.digest)
+    folder = PROJECT.simulated_failures(robot, "mujoco")
+    logs = write_failed_trials(one, verdict, folder)
+    remove_earlier_logs(folder, logs)
+    context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
+    not_run = [] if config.suite == "full" else ["the full suite: only the quick one was run"]
+    record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": not_run}
+    reasons = "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"
+    check = check_result(plan, PASSED, verdict.passed, reasons, _note(verdict))
+    return result_of(plan, {VERDICT: record}, _metadata(one, verdict, logs), [check])
 
 
 def _note(verdict: Any) -> dict[str, str]:
@@ -98,90 +96,80 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
     }
 
 
-def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
-    """The asset `cross_engine_validation` of a robot."""
-    checks = {HOLDS: "No fall, commands kept, engines agree where required."}
+@robot_asset("dart", deps=["adapted_robot"], checks={HOLDS: "No fall, commands kept, engines agree where required."})
+def cross_engine_validation(
+    context: dg.AssetExecutionContext,
+    config: EvaluatedPolicyConfig,
+    clip_pool: ClipPoolResource,
+    exported_policy: Manifest,
+    plan: Plan,
+):
+    """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
+    from pipeline.validation.cross_engine import cross_engine
+    from pipeline.validation.cross_engine_trials import write_failures
+    from pipeline.validation.cross_engine_walk import CrossEngineSettings
+    from pipeline.viewing.validation_plots import cross_engine_plots
 
-    @asset_of(plan, "dart", inputs={"exported_policy": exported}, deps=[adapted.key], checks=checks)
-    def cross_engine_validation(
-        context: dg.AssetExecutionContext,
-        config: EvaluatedPolicyConfig,
-        clip_pool: ClipPoolResource,
-        exported_policy: Manifest,
-    ):
-        """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
-        from pipeline.validation.cross_engine import cross_engine
-        from pipeline.validation.cross_engine_trials import write_failures
-        from pipeline.validation.cross_engine_walk import CrossEngineSettings
-        from pipeline.viewing.validation_plots import cross_engine_plots
-
-        grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
-        robot = plan.robot or DEFAULT_ROBOT
-        judged, bars = evaluated_policy(config, exported_policy, robot)
-        found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
-        folder = PROJECT.simulated_failures(robot, "cross_engine")
-        logs = write_failures(judged, found, grid, folder)
-        remove_earlier_logs(folder, logs)
-        facts = {"stage": plan.name, "policy": digest(judged.policy), "gains": judged.gains()}
-        verdict = {**facts, **found.to_dict()}
-        check = check_result(
-            plan, HOLDS, found.passed, "; ".join(found.reasons) or "every required cell holds", _note(found)
-        )
-        metadata = {
-            "passed": found.passed,
-            **_note(found),
-            "required cells": len(found.cells) - len(found.not_required),
-            "cells failed": len(found.failed_cells),
-            "reasons": dg.MetadataValue.md(markdown_list(found.reasons)),
-            "explained by the armature": "; ".join(verdict["explained"]) or "none",
-            "not required": dg.MetadataValue.md(
-                markdown_list(f"{name}: {why}" for name, why in found.not_required.items())
-            ),
-            "failures written": ", ".join(path.name for path in logs) or "none",
-            "pictures": picture(cross_engine_plots(found)),
-            "cells": table_of(found.rows()),
-        }
-        return result_of(plan, {VERDICT: verdict}, metadata, [check])
-
-    return cross_engine_validation
-
-
-def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
-    """The asset `webots_validation` of a robot."""
-
-    @asset_of(
-        plan,
-        "webots",
-        inputs={"exported_policy": exported},
-        deps=[adapted.key],
-        checks={WALKS: "The walk of data/webots.yaml in Webots itself."},
-        blocking={IS_THE_ROBOT: "PROTO and world have the robot's numbers."},
+    grid = PROJECT.read("cross_engine.yaml", CrossEngineSettings)
+    robot = plan.robot or DEFAULT_ROBOT
+    judged, bars = evaluated_policy(config, exported_policy, robot)
+    found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
+    folder = PROJECT.simulated_failures(robot, "cross_engine")
+    logs = write_failures(judged, found, grid, folder)
+    remove_earlier_logs(folder, logs)
+    facts = {"stage": plan.name, "policy": digest(judged.policy), "gains": judged.gains()}
+    verdict = {**facts, **found.to_dict()}
+    check = check_result(
+        plan, HOLDS, found.passed, "; ".join(found.reasons) or "every required cell holds", _note(found)
     )
-    def webots_validation(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
-        """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
-        from pipeline.validation.derived_bars import allowed_of
+    metadata = {
+        "passed": found.passed,
+        **_note(found),
+        "required cells": len(found.cells) - len(found.not_required),
+        "cells failed": len(found.failed_cells),
+        "reasons": dg.MetadataValue.md(markdown_list(found.reasons)),
+        "explained by the armature": "; ".join(verdict["explained"]) or "none",
+        "not required": dg.MetadataValue.md(
+            markdown_list(f"{name}: {why}" for name, why in found.not_required.items())
+        ),
+        "failures written": ", ".join(path.name for path in logs) or "none",
+        "pictures": picture(cross_engine_plots(found)),
+        "cells": table_of(found.rows()),
+    }
+    return result_of(plan, {VERDICT: verdict}, metadata, [check])
 
-        values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
-        robot = plan.robot or DEFAULT_ROBOT
-        judged, rules = evaluated_policy(config, exported_policy, robot)
-        folder, source = PROJECT.data / "webots" / robot, read_description(PROJECT.adapted_robot(robot))
-        project = write_project(folder, source, judged.task, judged.envelope, judged.policy, values)
-        faults = project_faults(project.world, judged.robot)
-        verdicts = validate(project, values, allowed_of(rules.webots))
-        note = rules.reference.note_on(judged.robot.digest)
-        stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts, WEBOTS), "note": note or None}
-        statuses = {each.engine: each.status for each in verdicts.values()}
-        for engine, status in statuses.items():
-            context.log.info(f"{engine}: {status}")
-        metadata = {
-            **statuses,
-            **({"note": note} if note else {}),
-            "dagster/uri": dg.MetadataValue.path(str(project.folder)),
-            "segments": table_of(_segments(verdicts)),
-        }
-        return result_of(plan, {VERDICT: stored}, metadata, _webots_checks(plan, faults, verdicts[WEBOTS]))
 
-    return webots_validation
+@robot_asset(
+    "webots",
+    deps=["adapted_robot"],
+    checks={WALKS: "The walk of data/webots.yaml in Webots itself."},
+    blocking={IS_THE_ROBOT: "PROTO and world have the robot's numbers."},
+)
+def webots_validation(
+    context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest, plan: Plan
+):
+    """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
+    from pipeline.validation.derived_bars import allowed_of
+
+    values = PROJECT.read("webots.yaml", WebotsSettings)
+    robot = plan.robot or DEFAULT_ROBOT
+    judged, rules = evaluated_policy(config, exported_policy, robot)
+    folder, source = PROJECT.data / "webots" / robot, read_description(PROJECT.adapted_robot(robot))
+    project = write_project(folder, source, judged.task, judged.envelope, judged.policy, values)
+    faults = project_faults(project.world, judged.robot)
+    verdicts = validate(project, values, allowed_of(rules.webots))
+    note = rules.reference.note_on(judged.robot.digest)
+    stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts, WEBOTS), "note": note or None}
+    statuses = {each.engine: each.status for each in verdicts.values()}
+    for engine, status in statuses.items():
+        context.log.info(f"{engine}: {status}")
+    metadata = {
+        **statuses,
+        **({"note": note} if note else {}),
+        "dagster/uri": dg.MetadataValue.path(str(project.folder)),
+        "segments": table_of(_segments(verdicts)),
+    }
+    return result_of(plan, {VERDICT: stored}, metadata, _webots_checks(plan, faults, verdicts[WEBOTS]))
 
 
 def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:

@@ -12,6 +12,8 @@ from pathlib import Path
 import psutil
 
 PERIOD_S = 0.05
+CHILDREN_S = 0.5
+"""How often the processes below the main one are listed: that takes longer than sampling them."""
 MB = 1e6
 
 
@@ -66,8 +68,10 @@ def watch(command: Sequence[str], *, folder: Path, environment: Mapping[str, str
         process = subprocess.Popen(
             command, cwd=folder, env={**environment}, stdout=stream, stderr=subprocess.STDOUT, text=True
         )
-        tree = psutil.Process(process.pid)
+        main, tree, listed_s = psutil.Process(process.pid), [], -CHILDREN_S
         while process.poll() is None:
+            if time.perf_counter() - listed_s >= CHILDREN_S:
+                tree, listed_s = _tree(main), time.perf_counter()
             samples += _sample(tree, cpu_s)
             time.sleep(PERIOD_S)
     wall_s = time.perf_counter() - clock_s
@@ -83,12 +87,16 @@ def clean_environment(root: Path, executables: Path) -> dict[str, str]:
     return {**kept, "PATH": f"{executables}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(root)}
 
 
-def _sample(main: psutil.Process, cpu_s: dict[int, float]) -> list[Sample]:
-    """One sample, none where the process has ended; notes the processor time of each process so far."""
+def _tree(main: psutil.Process) -> list[psutil.Process]:
+    """The process and all below it; none where it has ended."""
     try:
-        processes = [main, *main.children(recursive=True)]
+        return [main, *main.children(recursive=True)]
     except psutil.NoSuchProcess:
         return []
+
+
+def _sample(processes: Sequence[psutil.Process], cpu_s: dict[int, float]) -> list[Sample]:
+    """One sample, none where the first process has ended; notes the processor time of each process so far."""
     memory = []
     for process in processes:
         try:

@@ -16,8 +16,8 @@ import numpy as np
 
 from assets.database_checks import measured
 from assets.plan import robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT
 from pipeline.batch.pool import ClipPool
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 
 
 def main() -> None:

@@ -30,9 +30,9 @@ from benchmarks.gmr import Gmr  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from benchmarks.retarget_runs import Scored, handed_on, motion_files, run_gmr, run_ours, text_to_csv  # noqa: E402
 from pipeline.cli.chain import Chain  # noqa: E402
-from pipeline.cli.project import Project  # noqa: E402
 from pipeline.feasibility import FeasibilitySettings  # noqa: E402
 from pipeline.files import settings as settings_file  # noqa: E402
+from pipeline.project import Project  # noqa: E402
 from pipeline.retarget import RetargetSettings  # noqa: E402
 from pipeline.robot import Robot, load_robot  # noqa: E402
 from pipeline.scoring import FIGURES, pooled  # noqa: E402
@@ -74,7 +74,7 @@ def main() -> None:
         if parsed.each:
             _print_each(ours, fps)
     if parts:
-        judged = Project(ROOT).settings("feasibility.yaml", FeasibilitySettings)
+        judged = Project(ROOT).read("feasibility.yaml", FeasibilitySettings)
         bars += retarget_fast.accepted_bars(retarget_fast.labelled([*files, *parts], chain), base, judged, robot)
     if gmr is None and not parsed.json:
         print("GMR: not installed (--gmr PYTHON --gmr-repo FOLDER)")

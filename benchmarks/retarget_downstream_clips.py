@@ -15,11 +15,11 @@ from benchmarks.retarget_runs import HandedOn, handed_on, motion_files
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.cli.chain import Chain
-from pipeline.cli.project import Project
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.expert.training_bundle import robot_facts
 from pipeline.files import settings as settings_file
+from pipeline.project import Project
 from pipeline.retarget import RetargetSettings, process
 from pipeline.robot import Robot, load_robot
 from pipeline.tracking.task import CONTROL_HZ

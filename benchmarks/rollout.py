@@ -16,11 +16,10 @@ from functools import partial
 from statistics import median
 
 from assets.plan import robot_plans
-from assets.project import DEFAULT_ROBOT, PROJECT
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch.pool import ClipPool
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.files import settings
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.tracking.nominal_rollout import figures, nominal_rollout
 from pipeline.tracking.process import Setup
@@ -44,7 +43,7 @@ def main() -> None:
     tracker = PROJECT.root / facts["folder"]
     trained_on = set(read_card(tracker).clips)
     setup = Setup(
-        settings=settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings),
+        settings=PROJECT.read("tracking.yaml", TrackingSettings),
         robot=load_robot(folder),
         envelope=torque_envelope(read_actuators(folder)),
         tracker=tracker / NETWORK,

@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 from pipeline.cli.chain import Chain
-from pipeline.cli.project import Project
 from pipeline.cli.retarget_command import retarget_file
 from pipeline.cli.score_command import piece_of
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.project import Project
 from pipeline.readers import Statement
 from pipeline.robot import load_robot
 from pipeline.scoring import FIGURES, score

@@ -37,6 +37,8 @@ class Curve:
     """No-load speed over knee speed."""
     sag: float = 0.0
     """Torque that the plateau loses from standstill to the knee, over the knee torque."""
+    source: str = ""
+    """Where the knee is from."""
 
     @property
     def no_load_speed(self) -> float:
@@ -82,17 +84,8 @@ SETTINGS = Path("data/actuators.yaml")
 ROBOTS = Path("robots")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Drive:
-    """The knee [N m, rad/s] that a motor's sweep is made from."""
-
-    knee_torque: float
-    knee_speed: float
-    source: str
-
-
-def drives(robot: Robot, motors: Sequence[Motor], table: Path) -> dict[str, Drive]:
-    """Drives by motor name: the nominal limits of its joints.
+def drives(robot: Robot, motors: Sequence[Motor], table: Path) -> dict[str, Curve]:
+    """Curves by motor name, with knees at the nominal limits of the motor's joints.
 
     Raises UnknownNameError for a joint that the robot lacks, FileError naming `table` if the joints of a motor have
     different limits.
@@ -105,19 +98,20 @@ def drives(robot: Robot, motors: Sequence[Motor], table: Path) -> dict[str, Driv
             problem = f"the joints of motor '{motor.name}' have {len(limits)} different limits of torque and speed."
             raise FileError(table, problem, "Write a motor for each, or equal limits into the robot's joints.csv.")
         torque, speed = limits.pop()
-        found[motor.name] = Drive(knee_torque=torque, knee_speed=speed, source=f"nominal, robots/{robot.name}")
+        source = f"nominal, robots/{robot.name}"
+        found[motor.name] = Curve(knee_torque=torque, knee_speed=speed, sag=SAG, source=source)
     return found
 
 
-def measurement_text(motor: str, drive: Drive, sweep: Sweep = SWEEP, sag: float = SAG) -> str:
-    """A measurement file of a drive; it depends on no other drive."""
-    curve = Curve(knee_speed=drive.knee_speed, knee_torque=drive.knee_torque, sag=sag)
+def measurement_text(motor: str, curve: Curve, sweep: Sweep = SWEEP) -> str:
+    """A measurement file of a motor; it depends on no other motor."""
     rng = np.random.default_rng([SEED, *hashlib.sha256(motor.encode()).digest()[:4]])
+    noise, sag, outliers = 100 * sweep.noise, 100 * curve.sag, 100 * sweep.outliers
     lines = [
         f"# synthetic: never measured, python -m pipeline.actuators.synthesize, seed {SEED}",
-        f"# knee: {drive.knee_torque:g} N m at {drive.knee_speed:g} rad/s ({drive.source})",
+        f"# knee: {curve.knee_torque:g} N m at {curve.knee_speed:g} rad/s ({curve.source})",
         f"# assumption: beyond the knee the torque falls in a line to 0 at {NO_LOAD_RATIO:g} times the knee speed",
-        f"# added: noise {100 * sweep.noise:g} %, plateau sags by {100 * sag:g} %, {100 * sweep.outliers:g} % outliers",
+        f"# added: noise {noise:g} %, plateau sags by {sag:g} %, {outliers:g} % outliers",
         "# side: joint",
         "motor,direction,speed [rad/s],torque [N m],voltage [V],temperature [degC]",
     ]
@@ -139,8 +133,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         robot = load_robot(given.robot or ROBOTS / given.folder.resolve().name)
         table = given.folder / MOTORS
         motors = read_motors(table, settings.read(SETTINGS, ActuatorSettings).model)
-        for name, drive in drives(robot, motors, table).items():
-            atomic.write_text(given.folder / f"{name}.csv", measurement_text(name, drive))
+        for name, curve in drives(robot, motors, table).items():
+            atomic.write_text(given.folder / f"{name}.csv", measurement_text(name, curve))
             print(given.folder / f"{name}.csv")
     except PipelineError as error:
         print(error, file=sys.stderr)

@@ -4,6 +4,7 @@ An error of one clip is its answer, and the others go on. One that is not the cl
 keep it, and the next run tries again.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
 from functools import partial
@@ -31,11 +32,11 @@ def work_on_clips(
             prepared.append(prepare(clip))
         return function(clip, numbers, prepared=prepared[0])
 
-    answers = []
+    answers, motions = [], _Motions(store)
     for entry in entries:
-        clip = store.get_clip(entry.blob, entry.clip)
+        clip = motions.get(entry.blob, entry.clip)
         seconds_in = entry.numbers.get("seconds", clip.duration_s)
-        answers.append(_answer(partial(work, clip, entry.numbers), store, entry.clip, seconds_in))
+        answers.append(_answer(partial(work, clip, entry.numbers), motions, entry.clip, seconds_in))
     return answers
 
 
@@ -46,14 +47,48 @@ def work_on_files(
     answers = []
     for name, path, arguments in files:
         if path.exists():
-            answers.append(_answer(partial(function, path, name, *arguments), store, name, None))
+            answers.append(_answer(partial(function, path, name, *arguments), _Motions(store), name, None))
         else:
             text = f"{path}: it is not there for the process that reads it; mount its folder there under this path."
             answers.append(rejection("failed", text, None, failed=True))
     return answers
 
 
-def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: float | None) -> dict[str, Any]:
+class _Motions:
+    """Motions of the store at hand: one that several windows share is read once, and one that a stage passes as it is,
+    or returns in several pieces, is encoded and checked once."""
+
+    def __init__(self, store: Store):
+        self._store = store
+        self._known: list[tuple[Clip, str]] = []
+        self._faults: dict[str, list[str]] = {}
+
+    def get(self, blob: str, name: str) -> Clip:
+        """The clip of a blob under a name; motions of other blobs are let go."""
+        self._known = [known for known in self._known if known[1] == blob]
+        if not self._known:
+            self._known = [(self._store.get_clip(blob, name), blob)]
+        return dataclasses.replace(self._known[0][0], name=name)
+
+    def put(self, clip: Clip) -> tuple[str, list[str]]:
+        """Store a clip's motion; its blob, and the faults of its frames."""
+        blob = next((blob for known, blob in self._known if _same_arrays(clip, known)), None)
+        if blob is None:
+            blob = self._store.put_clip(clip)
+            self._known.append((clip, blob))
+        if blob not in self._faults:
+            self._faults[blob] = faults_of(clip)
+        return blob, self._faults[blob]
+
+
+def _same_arrays(one: Clip, other: Clip) -> bool:
+    """Whether two clips are the same but for their names: the very same arrays, which are not compared."""
+    return type(one) is type(other) and all(
+        value is getattr(other, field) for field, value in vars(one).items() if field != "name"
+    )
+
+
+def _answer(work: Callable[[], Outcome], motions: _Motions, name: str, seconds_in: float | None) -> dict[str, Any]:
     """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection."""
     try:
         outcome = work()
@@ -65,9 +100,10 @@ def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: fl
     except Exception as error:  # a fault of ours must not stop the other clips; it is tried again in the next run
         text = f"clip '{name}': the stage failed with {type(error).__name__}: {error}"
         return rejection("failed", text, seconds_in, failed=True)
+    stored = [motions.put(piece.clip) for piece in outcome.pieces]
     pieces = [
-        {"clip": piece.clip.name, "blob": store.put_clip(piece.clip), "numbers": _plain(piece.numbers)}
-        for piece in outcome.pieces
+        {"clip": piece.clip.name, "blob": blob, "numbers": _plain(piece.numbers)}
+        for piece, (blob, _) in zip(outcome.pieces, stored, strict=True)
     ]
     seconds_out = sum(_seconds(piece) for piece in outcome.pieces)
     numbers = {"seconds_in": seconds_in, "seconds_out": seconds_out, **_plain(outcome.numbers)}
@@ -76,7 +112,11 @@ def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: fl
     return {
         "failed": False,
         "pieces": pieces,
-        "unsound": [(piece.clip.name, fault) for piece in outcome.pieces for fault in faults_of(piece.clip)],
+        "unsound": [
+            (piece.clip.name, fault)
+            for piece, (_, faults) in zip(outcome.pieces, stored, strict=True)
+            for fault in faults
+        ],
         "reasons": [_plain(reason.to_dict()) for reason in outcome.reasons],
         "numbers": numbers,
     }

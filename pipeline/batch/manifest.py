@@ -150,10 +150,18 @@ class Manifest:
         return Counter(r["code"] for (reasons,) in self.findings("reasons") for r in reasons if r["effect"] == effect)
 
     def findings(self, *names: str) -> Iterator[tuple[Any, ...]]:
-        """The values of the named columns of the findings, a tuple a row."""
-        for shard in self.judged_shards:
-            columns = shard.columns(names)
-            yield from zip(*(columns.get(name, [MISSING] * shard.count) for name in names), strict=True)
+        """The values of the named columns of the findings, a tuple a row; `MISSING` where a row has none."""
+        return _cells(self.judged_shards, names)
+
+    def kept(self, *names: str) -> Iterator[tuple[Any, ...]]:
+        """The values of the named columns of the clips that are kept, as `findings` has those of the findings."""
+        return _cells(self.entry_shards, names)
+
+
+def _cells(shards: Sequence[Shard[Row]], names: Sequence[str]) -> Iterator[tuple[Any, ...]]:
+    for shard in shards:
+        columns = shard.columns(names)
+        yield from zip(*(columns.get(name, [MISSING] * shard.count) for name in names), strict=True)
 
 
 def _without(row: Judged, dropped: Mapping[str, dict[str, Any]], gone_s: Mapping[str, float]) -> Judged:

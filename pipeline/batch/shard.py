@@ -88,6 +88,12 @@ class Shard(Generic[Row]):
             fields[name] = _column(name, values)
         return _shard(self.kind, fields, self.count)
 
+    def without_number(self, name: str) -> Shard[Row]:
+        """The shard without a number of its clips; no column is decoded."""
+        table = self._table(None)
+        fields = {field.name: (field, table.column(index)) for index, field in enumerate(table.schema)}
+        return _shard(self.kind, fields, self.count) if fields.pop(name, None) else self
+
     def _table(self, names: Sequence[str] | None) -> pa.Table:
         try:
             with pq.ParquetFile(pa.py_buffer(self.data())) as file:

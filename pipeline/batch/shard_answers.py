@@ -3,6 +3,7 @@ together."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from pipeline.batch.rows import Entry, Judged
@@ -38,7 +39,7 @@ class Stage:
         """By what `pipeline.batch.collect` counts its runs: those of one robot say nothing about another's."""
         return f"{self.robot}/{self.name}" if self.robot else self.name
 
-    @property
+    @cached_property
     def settings_digest(self) -> str:
         return digest.of_json({"settings": self.settings, "depends": self.depends})
 

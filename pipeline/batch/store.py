@@ -6,6 +6,7 @@ not forced to the disk, and what a power cut takes of them is made again.
 
 import contextlib
 import dataclasses
+import itertools
 import json
 import os
 import time
@@ -170,19 +171,22 @@ class Store:
     def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
         """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again."""
         version = code_version()
-        found: list[str] = []
+        asked: dict[str, tuple[list[str], list[str]]] = {}
         for shard in manifest.entry_shards:
             columns = shard.columns(["clip", "blob"])
-            clips, blobs = columns["clip"], columns["blob"]
-            key = digest.of_json([ROUND_TRIPS, version, blobs])
-            if self.recall(key, ROUND_TRIPS) is not None:
-                continue
-            calls = [(blobs[first : first + A_CALL],) for first in range(0, len(blobs), A_CALL)]
-            whole = [each for few in pool.map(self._all_round_trip, calls, shared=self.shared_folders) for each in few]
-            found += [clip for clip, is_whole in zip(clips, whole, strict=True) if not is_whole]
-            if all(whole):
+            key = digest.of_json([ROUND_TRIPS, version, columns["blob"]])
+            if self.recall(key, ROUND_TRIPS) is None:
+                asked[key] = columns["clip"], columns["blob"]
+        every = [blob for _, blobs in asked.values() for blob in blobs]
+        calls = [(every[first : first + A_CALL],) for first in range(0, len(every), A_CALL)]
+        answers = pool.map(self._all_round_trip, calls, shared=self.shared_folders)
+        whole = dict(zip(every, itertools.chain.from_iterable(answers), strict=True))
+        for key, (_, blobs) in asked.items():
+            if all(whole[blob] for blob in blobs):
                 self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
-        return found
+        return [
+            clip for clips, blobs in asked.values() for clip, blob in zip(clips, blobs, strict=True) if not whole[blob]
+        ]
 
     def _all_round_trip(self, blobs: list[str]) -> list[bool]:
         return [self.round_trips(blob) for blob in blobs]
@@ -217,9 +221,13 @@ class Store:
         """
         path = Path(self._memo_path(key))
         aside = path.with_name(f".{key}.{os.getpid()}.part")
+        text = json.dumps({**answer, STAGE: stage}, sort_keys=True, allow_nan=False)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            aside.write_text(json.dumps({**answer, STAGE: stage}, sort_keys=True, allow_nan=False))
+            try:
+                aside.write_text(text)
+            except FileNotFoundError:  # the first answer of its folder
+                path.parent.mkdir(parents=True, exist_ok=True)
+                aside.write_text(text)
             asked_ns = self._asking(stage)
             os.utime(aside, ns=(asked_ns, asked_ns))
             aside.replace(path)

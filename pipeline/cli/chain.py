@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.catalog import CatalogSettings, catalogue
-from pipeline.cli.project import Project
 from pipeline.clips.outcome import Clip, Outcome, Piece, Reason
 from pipeline.errors import FileError
+from pipeline.project import Project
 from pipeline.quality.planar_motion import planar_motion
 from pipeline.readers import ReadMotion, Source, Statement, read_motion
 from pipeline.repair import RepairSettings
@@ -81,10 +81,10 @@ class Chain:
         motion = planar_motion(clip, windows.velocity_s, windows.facing_s, windows.bridge_s)
         return motion.speed[motion.valid]
 
-    _catalog = cached_property(lambda self: self.project.settings("catalog.yaml", CatalogSettings))
-    _curation = cached_property(lambda self: self.project.settings("curation.yaml", Curation))
-    _repair = cached_property(lambda self: self.project.settings("repair.yaml", RepairSettings))
-    _retarget = cached_property(lambda self: self.project.settings("retarget.yaml", RetargetSettings))
+    _catalog = cached_property(lambda self: self.project.read("catalog.yaml", CatalogSettings))
+    _curation = cached_property(lambda self: self.project.read("curation.yaml", Curation))
+    _repair = cached_property(lambda self: self.project.read("repair.yaml", RepairSettings))
+    _retarget = cached_property(lambda self: self.project.read("retarget.yaml", RetargetSettings))
 
 
 def reason_line(reason: Reason) -> str:

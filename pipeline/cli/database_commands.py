@@ -5,7 +5,6 @@ from pathlib import Path
 from pipeline.batch.collect import Part, collect
 from pipeline.batch.store import MOST_ASKINGS
 from pipeline.cli.arguments import Database, Export, Sources, Store
-from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
 from pipeline.curation_page.compare_databases import versions
 from pipeline.dataset_export import export_database
@@ -14,13 +13,14 @@ from pipeline.errors import FileError, PipelineError
 from pipeline.expert import history, manifest
 from pipeline.expert.swap import current
 from pipeline.files.csv_json import read_json
+from pipeline.project import Project, find_project
 from pipeline.readers.remembered import forget, read_remembered
 
 
 def database(args: Database) -> int:
     """Say what is in place, list the versions, or put one in place. Raises UnknownNameError, FileError."""
     project = find_project()
-    folder = project.root / "data" / "expert_db" / project.robot(args.robot).name
+    folder = project.expert_db(project.robot(args.robot).name)
     if args.action == "restore":
         if args.version is None:
             raise PipelineError("name the version to restore; there are those of: booster-lab database list")

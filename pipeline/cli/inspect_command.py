@@ -6,7 +6,6 @@ from typing import Any
 
 from pipeline.cli.arguments import Inspect
 from pipeline.cli.chain import Chain
-from pipeline.cli.project import find_project
 from pipeline.cli.stored_clips import as_text as judgement_text
 from pipeline.cli.stored_clips import clip_of, judged
 from pipeline.cli.text_table import name_values, text_table
@@ -14,6 +13,7 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.errors import FileError, PipelineError
 from pipeline.files.csv_json import without_nan
+from pipeline.project import find_project
 from pipeline.quality.planar_motion import leg_length
 from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.cli.policy_arguments import CrossEngine, Play, Validate
-from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.files.csv_json import write_json
+from pipeline.project import Project, find_project
 from pipeline.robot import load_robot
 from pipeline.validation.cross_engine import NAMES, CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
@@ -31,8 +31,8 @@ FAILED = 3
 def validate_policy(args: Validate) -> int:
     """Measure, evaluate, report."""
     project = find_project()
-    bars = project.validation(args.robot)
     folder = robot_folder(project, args.robot)
+    bars = project.validation(args.robot)
     one = deployed_policy(folder, args.policy, args.ankle_kd)
     cells = cells_of(args.suite, one.robot)
     if args.failures:
@@ -60,8 +60,8 @@ def validate_policy(args: Validate) -> int:
 def robot_folder(project: Project, name: str) -> Path:
     """The adapted robot's folder, or the robot's own where it was never adapted. Raises UnknownNameError."""
     project.robot(name)
-    adapted = project.root / "data" / "adapted_robot" / name
-    return adapted if (adapted / "robot.toml").is_file() else project.root / "robots" / name
+    adapted = project.adapted_robot(name)
+    return adapted if (adapted / "robot.toml").is_file() else project.robot_folder(name)
 
 
 def deployed_policy(robot: Path, policy: Path, ankle_kd: float | None) -> Deployed:
@@ -86,14 +86,14 @@ def policy_of(path: Path, robot: Path) -> Policy:
 def compare_engines(args: CrossEngine) -> int:
     """Walk, evaluate, report."""
     project = find_project()
-    grid = project.settings("cross_engine.yaml", CrossEngineSettings)
+    grid = project.read("cross_engine.yaml", CrossEngineSettings)
+    folder = robot_folder(project, args.robot)
     bars = project.validation(args.robot)
     for name in args.cells:
         if name not in grid.cells:
             raise UnknownNameError("cell", name, tuple(grid.cells))
     if args.seeds is not None:
         grid = dataclasses.replace(grid, simulation=dataclasses.replace(grid.simulation, seeds=args.seeds))
-    folder = robot_folder(project, args.robot)
     one = deployed_policy(folder, args.policy, args.ankle_kd)
     found = cross_engine(
         one, grid, bars, pool=ReportingPool(workers=args.workers, what="walks done"), only=tuple(args.cells)

@@ -15,11 +15,11 @@ import numpy as np
 
 from pipeline.cli.arguments import Retarget
 from pipeline.cli.chain import Chain, reason_line
-from pipeline.cli.project import Project, find_project
 from pipeline.clips.outcome import Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.files import atomic
+from pipeline.project import Project, find_project
 from pipeline.readers import ReadMotion, Statement
 from pipeline.robot import Robot
 

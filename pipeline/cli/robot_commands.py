@@ -3,8 +3,8 @@
 import re
 
 from pipeline.cli.arguments import CheckRobot, ImportRobot
-from pipeline.cli.project import find_project
 from pipeline.errors import PipelineError
+from pipeline.project import find_project
 from pipeline.robot.load import read_description
 from pipeline.robot_check.check import check_folder
 from pipeline.robot_check.compare import JOINT, compare, model_of
@@ -22,7 +22,7 @@ def import_robot(args: ImportRobot) -> int:
     """Read the model, propose, write the folder, list what is still to state."""
     if not NAME.match(args.name):
         raise PipelineError(f"--name is '{args.name}'; write small letters, digits and underscores, a letter first.")
-    folder = args.out or find_project().root / "robots" / args.name
+    folder = args.out or find_project().robot_folder(args.name)
     if folder.name != args.name:
         raise PipelineError(f"--out is '{folder}'; a robot's folder has the robot's name, '{args.name}'.")
     model = read_model(args.file)

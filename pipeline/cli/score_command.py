@@ -6,12 +6,12 @@ from typing import Any
 
 from pipeline.cli.arguments import Score
 from pipeline.cli.chain import Chain
-from pipeline.cli.project import find_project
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.files.csv_json import without_nan
+from pipeline.project import find_project
 from pipeline.readers import Statement, read_motion
 from pipeline.scoring import FIGURES, score
 from pipeline.scoring.align import same_length

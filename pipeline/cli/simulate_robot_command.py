@@ -6,10 +6,10 @@ import numpy as np
 
 from pipeline.actuators.standing import read_standing_pose
 from pipeline.cli.policy_arguments import Differences, SimulateRobot
-from pipeline.cli.project import Project, find_project
 from pipeline.deployment import PolicyController, deployment_task, digest, load_policy, policy_task
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.hardware_logs import LogFacts, write_mcap
+from pipeline.project import Project, find_project
 from pipeline.robot import Robot
 from pipeline.simulation.plant import Push
 from pipeline.simulation.run import Controller
@@ -57,7 +57,7 @@ def run(args: SimulateRobot) -> int:
 def _controller(project: Project, robot: Robot, args: SimulateRobot) -> tuple[Controller, str]:
     """What walks, and its digest."""
     if args.script:
-        pose = read_standing_pose(project.root / "robots" / robot.name, robot)
+        pose = read_standing_pose(project.robot_folder(robot.name), robot)
         if pose is None:
             raise PipelineError(f"scripts stand in the standing pose, which robots/{robot.name}/standing.csv lacks.")
         task = deployment_task(robot, kp=pose.kp, kd=pose.kd, default_joint_pos=pose.joint_pos)
@@ -72,7 +72,7 @@ def _controller(project: Project, robot: Robot, args: SimulateRobot) -> tuple[Co
 
 
 def _shipped(project: Project, robot: Robot) -> Path:
-    folder = project.root / "robots" / robot.name / "policies"
+    folder = project.shipped_policies(robot.name)
     shipped = sorted(folder.rglob("policy.npz"))
     if not shipped:
         raise FileError(folder, "no policy ships with the robot.", "Name one: --policy NPZ, or take a --script.")

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.cli.project import Project
 from pipeline.cli.text_table import text_table
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.curation_page.clip_table import LAST, ClipRow, asset_of, read_table
@@ -17,6 +16,7 @@ from pipeline.feasibility import criteria_table
 from pipeline.feasibility.criteria_table import BROKEN, NOT_APPLICABLE
 from pipeline.files.csv_json import read_json, without_nan
 from pipeline.files.shown_text import markdown_list, markdown_table
+from pipeline.project import Project
 from pipeline.robot import Robot
 from pipeline.viewing.playlist import MotionSource, Playlist, Shown
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from pipeline.cli.arguments import Curate, View
 from pipeline.cli.chain import Chain, reason_line
-from pipeline.cli.project import Project, find_project
 from pipeline.cli.stored_clips import reference_of, stored_clips
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece, Reason
@@ -18,6 +17,7 @@ from pipeline.errors import FileError
 from pipeline.expert.database_clip import read_database_clip
 from pipeline.files import atomic
 from pipeline.files.shown_text import markdown_list
+from pipeline.project import Project, find_project
 from pipeline.readers import Statement
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.robot import Robot
@@ -36,9 +36,9 @@ def clips_to_view(project: Project, text: str, robot: Robot, stated: Statement) 
     if path.suffix.lower() == ".json":
         return _of_database(project, path, robot)
     if path.suffix.lower() == ".mcap":
-        from pipeline.viewing.log_view import LogFiles, log_playlist
+        from pipeline.viewing.log_view import log_playlist
 
-        return log_playlist(path, LogFiles(data=project.root / "data", robots=project.root / "robots"))
+        return log_playlist(path, project)
     if path.is_file() or path.suffix.lower() in SUFFIXES:
         return _of_file(project, path, robot, stated)
     return stored_clips(project, text, robot)
@@ -123,7 +123,6 @@ def curate(args: Curate) -> int:
     from pipeline.curation_page.app import CurationServer
 
     project = find_project()
-    project.robot_folder(args.robot)
     server = CurationServer(project.root, args.robot, args.port)
     print(f"{server.url}\nshows the clips of {project.root}; stop with Ctrl-C", flush=True)
     if not args.no_browser:

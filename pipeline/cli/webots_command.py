@@ -4,10 +4,10 @@ from pathlib import Path
 
 from pipeline.cli.policy_arguments import WebotsProject
 from pipeline.cli.policy_commands import FAILED, deployed_policy, robot_folder
-from pipeline.cli.project import find_project
 from pipeline.deployment import deployment_task
 from pipeline.errors import FileError
 from pipeline.files.csv_json import write_json
+from pipeline.project import find_project
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
@@ -32,7 +32,7 @@ STAND_INS = {"mujoco": MUJOCO_STAND_IN, "ode": ODE_STAND_IN}
 def run(args: WebotsProject) -> int:
     """Write and check; on request walk and evaluate."""
     checkout = find_project()
-    settings = checkout.settings("webots.yaml", WebotsSettings)
+    settings = checkout.read("webots.yaml", WebotsSettings)
     folder = robot_folder(checkout, args.robot)
     project, robot = _write(args, folder, settings)
     faults = project_faults(project.world, robot)

@@ -100,7 +100,7 @@ def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:
 
 
 def _from_column(column: pa.FixedSizeListArray) -> np.ndarray:
-    return column.flatten().to_numpy().astype(np.float64)
+    return column.values.to_numpy().astype(np.float64)
 
 
 UNIT_TOLERANCE = 1e-6

@@ -52,7 +52,7 @@ def make_app(workplace: Workplace, token: str) -> Guard:
 
     @asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
-        making.append(ThumbnailProcess(workplace.root, workplace.robot_name))
+        making.append(ThumbnailProcess(workplace.project.root, workplace.robot_name))
         yield
         making.pop().stop()
         runs.stop()
@@ -65,7 +65,7 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         "clip": lambda query: workplace.clip(_text(query, "name")),
         "databases": lambda _: workplace.versions(),
         "compare": lambda query: workplace.compare(_text(query, "before"), _text(query, "after")),
-        "proposals": lambda _: proposals(workplace.feedback),
+        "proposals": lambda _: proposals(workplace.project.feedback),
         "decisions": lambda _: [vars(each) for each in workplace.decisions()],
         "state": state,
     }
@@ -78,13 +78,13 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         "rerun": lambda value: runs.start_again(_texts(value, "clips")),
         "stop": lambda _: runs.stop(),
         "approve": lambda value: approve_proposal(
-            workplace.feedback, _text(value, "proposal"), _text(value, "by"), sections=_texts(value, "sections")
+            workplace.project.feedback, _text(value, "proposal"), _text(value, "by"), sections=_texts(value, "sections")
         ),
         "decline": lambda value: decline_proposal(
-            workplace.feedback, _text(value, "proposal"), _text(value, "by"), sections=_texts(value, "sections")
+            workplace.project.feedback, _text(value, "proposal"), _text(value, "by"), sections=_texts(value, "sections")
         ),
         "take_back_sections": lambda value: take_back_sections(
-            workplace.feedback, _texts(value, "sections"), _text(value, "by")
+            workplace.project.feedback, _texts(value, "sections"), _text(value, "by")
         ),
     }
     routes = [

@@ -16,6 +16,7 @@ from typing import Any
 
 from pipeline.batch import Entry, Judged, Manifest, Store
 from pipeline.errors import PipelineError
+from pipeline.project import DEFAULT_ROBOT
 
 HUMAN_STAGES = ("motion_catalog", "selected_motions", "repaired_motions")
 REFERENCES, ROLLOUTS, LAST = "reference_motions", "augmented_motions", "feasible_motions"
@@ -23,8 +24,8 @@ ROBOT_STAGES = ("retargeted_motions", "motion_variants", REFERENCES, ROLLOUTS, L
 STAGES = (*HUMAN_STAGES, *ROBOT_STAGES)
 """Assets in the order of the graph."""
 
-BARE_ROBOT = "t1"
-"""The robot whose assets have no prefix."""
+DATABASE = "expert_db"
+"""The asset that is made of the last stage."""
 
 ACCEPTED, PARTLY, REJECTED, WAITING = "accepted", "partly", "rejected", "waiting"
 VERDICTS = (ACCEPTED, PARTLY, REJECTED, WAITING)
@@ -75,7 +76,7 @@ class ClipTable:
 
 def asset_of(stage: str, robot: str) -> str:
     """Key of a stage's asset, with slashes."""
-    return stage if stage in HUMAN_STAGES or robot == BARE_ROBOT else f"{robot}/{stage}"
+    return stage if stage in HUMAN_STAGES or robot == DEFAULT_ROBOT else f"{robot}/{stage}"
 
 
 def read_table(store: Store, robot: str) -> ClipTable:

@@ -20,7 +20,7 @@ from typing import Any
 
 from pipeline.batch.again import AGAIN_VARIABLE
 from pipeline.curation_page.clip_details import ancestors
-from pipeline.curation_page.clip_table import STAGES, ClipRow, ClipTable, NoClipError, asset_of
+from pipeline.curation_page.clip_table import DATABASE, STAGES, ClipRow, ClipTable, NoClipError, asset_of
 from pipeline.errors import PipelineError
 from pipeline.files import digest
 
@@ -156,12 +156,8 @@ class Rerun:
         }
 
 
-def rerun_of(table: ClipTable, clips: Iterable[str], robot: str, database: str) -> Rerun:
-    """The rerun of some clips of the table, from the recording on. Raises NoClipError.
-
-    Args:
-        database: the asset of the robot's database, which is made last
-    """
+def rerun_of(table: ClipTable, clips: Iterable[str], robot: str) -> Rerun:
+    """The rerun of some clips of the table, from the recording to the robot's database. Raises NoClipError."""
     rows = []
     for clip in dict.fromkeys(clips):
         row = table.row(clip)
@@ -175,7 +171,7 @@ def rerun_of(table: ClipTable, clips: Iterable[str], robot: str, database: str) 
     return Rerun(
         before=_results(table, [row.clip for row in rows]),
         names=tuple(sorted(made_from & known)),
-        assets=(*(asset_of(stage, robot) for stage in STAGES), database),
+        assets=tuple(asset_of(stage, robot) for stage in (*STAGES, DATABASE)),
     )
 
 

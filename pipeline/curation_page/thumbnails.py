@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.batch import ClipPool, Store
 from pipeline.curation_page.line_figure import encode
 from pipeline.errors import ClipError, FileError
-from pipeline.files import digest
+from pipeline.files import atomic, digest
 from pipeline.robot import Robot, load_robot
 from pipeline.viewing.figure import Figure
 from pipeline.viewing.playlist import MotionSource
@@ -90,10 +90,7 @@ def _make_all(store: Store, robot_folder: Path, todo: Sequence[tuple[MotionSourc
             data = b""
         except FileError:
             continue
-        path.parent.mkdir(parents=True, exist_ok=True)
-        aside = path.with_name(f".{path.name}.{threading.get_ident()}.part")
-        aside.write_bytes(data)
-        aside.replace(path)
+        atomic.write_bytes(path, data, synced=False)
     return len(todo)
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.batch import ClipPool, Store
+from pipeline.batch import ClipPool
 from pipeline.curation_page.clip_details import clip_details
-from pipeline.curation_page.clip_table import BARE_ROBOT, LAST, STAGES, ClipTable, NoClipError, asset_of, read_table
+from pipeline.curation_page.clip_table import DATABASE, LAST, STAGES, ClipTable, NoClipError, asset_of, read_table
 from pipeline.curation_page.columns import THRESHOLD_COLUMNS, columns
 from pipeline.curation_page.compare_databases import compare, versions
 from pipeline.curation_page.line_figure import encode
@@ -21,9 +21,8 @@ from pipeline.curation_page.motion_sources import MotionSources
 from pipeline.curation_page.thumbnails import ThumbnailStore
 from pipeline.errors import FileError, PipelineError
 from pipeline.feasibility import criteria_table
-from pipeline.feedback.approve import FeedbackFiles
 from pipeline.files import digest, settings
-from pipeline.robot import Robot, load_robot
+from pipeline.project import Project
 from pipeline.selection.curation import Decision, decide, read_decisions, take_back
 from pipeline.viewing.playlist import MotionSource
 
@@ -70,35 +69,18 @@ class Workplace:
     """
 
     def __init__(self, root: Path, robot: str, pool: ClipPool | None = None) -> None:
-        self.root, self.robot_name = root, robot
-        self.store = Store(root=root / "data" / "store")
-        self.robot: Robot = load_robot(root / "robots" / robot)
+        self.project, self.robot_name = Project(root), robot
+        self.robot, self.store = self.project.robot(robot), self.project.store
+        self.curation = self.project.settings("curation.yaml")
+        self.database = self.project.expert_db(robot)
         self._pool = pool or ClipPool()
         self._lock = threading.Lock()
         self._read: _Read | None = None
         self._clips: tuple[tuple[str, tuple[Decision, ...]], bytes] | None = None
 
-    @property
-    def curation(self) -> Path:
-        """The file that decisions are written into."""
-        return self.root / "data" / "curation.yaml"
-
-    @property
-    def database(self) -> Path:
-        return self.root / "data" / "expert_db" / self.robot_name
-
-    @property
-    def database_asset(self) -> str:
-        """The asset that a run makes."""
-        return "expert_db" if self.robot_name == BARE_ROBOT else f"{self.robot_name}/expert_db"
-
-    @cached_property
-    def feedback(self) -> FeedbackFiles:
-        return FeedbackFiles.of(self.root)
-
     @cached_property
     def thumbnails(self) -> ThumbnailStore:
-        folder = self.root / "robots" / self.robot_name
+        folder = self.project.robot_folder(self.robot_name)
         return ThumbnailStore(store=self.store, robot_folder=folder, robot_digest=self.robot.digest, pool=self._pool)
 
     def version(self) -> str:
@@ -154,9 +136,8 @@ class Workplace:
 
     def release_report(self, robot: str) -> Path | None:
         """The page that a person signs for a robot; None where there is none."""
-        known = {path.parent.name for path in (self.root / "robots").glob("*/robot.toml")}
-        path = self.root / "data" / "release" / robot / "release_report.html"
-        return path if robot in known and path.is_file() else None
+        path = self.project.release_report(robot)
+        return path if robot in self.project.robots and path.is_file() else None
 
     def thumbnail(self, key: str) -> bytes | None:
         """A thumbnail of a current clip; None if none has this name."""
@@ -211,7 +192,7 @@ class Runs:
 
     def __init__(self, workplace: Workplace) -> None:
         self._workplace = workplace
-        self._run = Materialization(workplace.root)
+        self._run = Materialization(workplace.project.root)
         self._lock = threading.Lock()
         self._rerun: Rerun | None = None
         self._outcome: dict[str, Any] | None = None
@@ -219,14 +200,14 @@ class Runs:
     def start(self) -> int:
         """Materialize the database and what is stale. Raises PipelineError when a run is at work."""
         with self._lock:
-            self._run.start(self._workplace.database_asset)
+            self._run.start(asset_of(DATABASE, self._workplace.robot_name))
             self._rerun, self._outcome = None, None
         return 1
 
     def start_again(self, clips: list[str]) -> int:
         """Work on some clips again, from their recordings to the database; their number. Raises PipelineError."""
         place = self._workplace
-        rerun = rerun_of(place.read().table, clips, place.robot_name, place.database_asset)
+        rerun = rerun_of(place.read().table, clips, place.robot_name)
         with self._lock:
             self._run.start(*rerun.assets, again=rerun.names)
             self._rerun, self._outcome = rerun, None

@@ -1,5 +1,7 @@
 """The policy controller: sensor readings in, joint targets out, one control step at a time."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 
@@ -8,30 +10,34 @@ from pipeline.deployment.task import DeploymentTask
 from pipeline.errors import PipelineError
 
 
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What a controller is given of the robot. Joints in the robot's order."""
+
+    gyro_b: Float[np.ndarray, " 3"]
+    """Angular velocity of the root in its frame [rad/s]."""
+    gravity_b: Float[np.ndarray, " 3"]
+    """Direction of gravity in the root's frame, unit."""
+    joint_pos: Float[np.ndarray, " j"]
+    """[rad]"""
+    joint_vel: Float[np.ndarray, " j"]
+    """[rad/s]"""
+
+
 def frame(
-    task: DeploymentTask,
-    *,
-    gyro_b: Float[np.ndarray, " 3"],
-    gravity_b: Float[np.ndarray, " 3"],
-    command: Float[np.ndarray, " 3"],
-    joint_pos: Float[np.ndarray, " j"],
-    joint_vel: Float[np.ndarray, " j"],
-    last_action: Float[np.ndarray, " a"],
+    task: DeploymentTask, reading: Reading, command: Float[np.ndarray, " 3"], last_action: Float[np.ndarray, " a"]
 ) -> Float[np.ndarray, " f"]:
     """One frame: gyro, gravity, command, q - q0, dq, last action; joints in the policy's order.
 
     Args:
         task: joints and default pose
-        gyro_b: angular velocity of the root in its frame [rad/s]
-        gravity_b: direction of gravity in the root's frame, unit
+        reading: what the sensors say
         command: forward and lateral velocity [m/s], yaw rate [rad/s]
-        joint_pos: positions of the robot's joints, in its order [rad]
-        joint_vel: their velocities [rad/s]
         last_action: action of the previous control step, in the policy's order; zeros at the start
     """
     index = task.policy_index
-    away = joint_pos[index] - task.default_joint_pos[index]
-    return np.concatenate([gyro_b, gravity_b, command, away, joint_vel[index], last_action])
+    away = reading.joint_pos[index] - task.default_joint_pos[index]
+    return np.concatenate([reading.gyro_b, reading.gravity_b, command, away, reading.joint_vel[index], last_action])
 
 
 class History:
@@ -90,25 +96,9 @@ class PolicyController:
         twin.last_action, twin.observation = self.last_action, self.observation
         return twin
 
-    def targets(
-        self,
-        gyro_b: Float[np.ndarray, " 3"],
-        gravity_b: Float[np.ndarray, " 3"],
-        command: Float[np.ndarray, " 3"],
-        joint_pos: Float[np.ndarray, " j"],
-        joint_vel: Float[np.ndarray, " j"],
-    ) -> Float[np.ndarray, " j"]:
+    def targets(self, reading: Reading, command: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " j"]:
         """Position targets [rad] of all joints in the robot's order; see `frame` for the arguments."""
-        newest = frame(
-            self.task,
-            gyro_b=gyro_b,
-            gravity_b=gravity_b,
-            command=command,
-            joint_pos=joint_pos,
-            joint_vel=joint_vel,
-            last_action=self.last_action,
-        )
-        self.observation = self._history.push(newest)
+        self.observation = self._history.push(frame(self.task, reading, command, self.last_action))
         self.last_action = self.policy.act(self.observation)
         targets = self.task.default_joint_pos.copy()
         targets[self.task.policy_index] += self.task.action_scale * self.last_action

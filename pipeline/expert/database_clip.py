@@ -48,15 +48,7 @@ def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, A
     if missing:
         raise FileError(path, f"the column '{missing[0]}' is missing.")
     root = frames[:, [columns.index(column) for column in wanted]]
-    clip = RobotClip(
-        name=name,
-        fps=fps,
-        robot=robot.name,
-        joint_names=robot.joint_names,
-        root_pos_w=root[:, :3],
-        root_quat_w=root[:, 3:],
-        joint_pos=joints,
-    )
+    clip = robot.clip(name, fps, root[:, :3], root[:, 3:], joints)
     faults = faults_of(clip)
     if faults:
         raise FileError(path, f"{faults[0]}.", "Materialize expert_db again.")

@@ -112,9 +112,12 @@ def numbers_text(frames: Float[np.ndarray, "t c"]) -> bytes:
     """
     if not np.isfinite(frames).all():
         raise ValueError("a number of a frame is not finite")
-    text = _SMALL.sub(_with_exponent, msgspec.json.encode(frames.tolist()))
-    return text[1:-1].replace(b"e-", b"e-0").replace(b"],[", b"],\n[")
+    lines = _SMALL.sub(_with_exponent, _ENCODER.encode_lines(frames.tolist())[:-1])
+    first, *rest = lines.split(b"e")  # a single letter is found in a third of the time of `e-`
+    return b"e-0".join([first, *(part[1:] for part in rest)]).replace(b"\n", b",\n")
 
+
+_ENCODER = msgspec.json.Encoder()
 
 _SMALL = re.compile(rb"0\.0000[1-9][0-9]*")
 """Below 0.0001 Python writes an exponent of two digits, `msgspec` below 0.00001 one of a digit."""

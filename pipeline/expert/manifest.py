@@ -48,10 +48,13 @@ def frame_facts(robot: Robot) -> dict[str, Any]:
     return {"frame_duration_s": 1.0 / FPS, "frame_columns": len(columns(robot))}
 
 
-def sealed(folder: Path, head: Mapping[str, Any]) -> dict[str, Any]:
-    """The manifest: its facts, the digest of each file in `folder` but itself, and the digest of all that."""
-    files = sorted(path for path in folder.iterdir() if path.name != FILE)
-    content = {**head, "files": {path.name: digest.of_file(path) for path in files}}
+def sealed(folder: Path, head: Mapping[str, Any], written: Mapping[str, str]) -> dict[str, Any]:
+    """The manifest: its facts, the digest of each file in `folder` but itself, and the digest of all that.
+
+    Files whose digest `written` has by their name are not read.
+    """
+    names = sorted(path.name for path in folder.iterdir() if path.name != FILE)
+    content = {**head, "files": {name: written.get(name) or digest.of_file(folder / name) for name in names}}
     return {**content, SEAL: seal_of(content)}
 
 

@@ -190,13 +190,20 @@ def _frames(name: str, content: dict[str, Any], head: dict[str, Any], faults: li
     if frames.ndim != 2 or frames.shape[1] != wanted or len(frames) < 2:
         faults.append(f"{name}: Frames have the shape {frames.shape}, wanted (2 or more, {wanted})")
         return None
+    faults += faults_of_frames(name, frames)
+    return frames
+
+
+def faults_of_frames(name: str, frames: Float[np.ndarray, "t c"]) -> list[str]:
+    """Faults of the numbers in the file `name`: not finite, or a quaternion that is not unit."""
+    faults = []
     if not np.isfinite(frames).all():
         faults.append(f"{name}: frame {int(np.argwhere(~np.isfinite(frames))[0, 0])} has a number that is not finite")
     off = np.abs(np.linalg.norm(frames[:, QUATERNION], axis=1) - 1.0)
     if np.max(off) > UNIT_TOLERANCE:
         frame = int(np.argmax(off))
         faults.append(f"{name}: frame {frame} has a quaternion whose length is off by {off[frame]:.1e}")
-    return frames
+    return faults
 
 
 def _fast_json(path: Path) -> Any:

@@ -18,14 +18,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
-from pipeline.expert.frames import FPS, columns, frames_of_clips, numbers_text, rounded
-from pipeline.expert.read import DatabaseError, check_database, read_clip
+from pipeline.expert.frames import FPS, columns, expert_frames, frames_of_clips, numbers_text, rounded
+from pipeline.expert.read import DatabaseError, check_database, faults_of_frames, read_clip
 from pipeline.expert.swap import DatabaseSettings, current, replace_folder
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
@@ -35,7 +36,7 @@ HERE = ClipPool(backend="sequential")
 
 A_CALL = 16
 """Clips that a process writes before it reports."""
-AT_A_TIME = 512
+AT_A_TIME = 2048
 """Clips whose entries are at hand at a time where several processes write."""
 
 MAX_JOINT_STEP = 0.05
@@ -157,15 +158,12 @@ def write_database(
         head = manifest.facts(rows, robot, stages)
         shown = pd.DataFrame([{name: row.get(name) for name in dataset_card.COLUMNS} for row in rows])
         (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
-        text = manifest.sealed(part, head)
-        changed = [row["file"] for row in rows if text["files"].get(row["file"]) != row["sha256"]]
-        if changed:
-            raise DatabaseError(part, [f"{file}: its content is not what was written" for file in changed])
+        text = manifest.sealed(part, head, {row["file"]: row["sha256"] for row in rows})
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
         made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part, frames=False)  # frames are read back when first written; copies are bytes
+        check_database(part, frames=False)  # by digests; frames were checked when they were first written
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -200,7 +198,7 @@ class Known:
 def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     """The JSON of one clip: keys in a fixed order, a line a frame."""
     clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
-    (text,) = _frames_texts([clip], robot)
+    text = _frames_text(rounded(expert_frames(clip, robot), len(robot.controlled)))
     return _head(entry, loop_mode(clip), robot, _columns_text(robot)) + text
 
 
@@ -224,9 +222,8 @@ def _head(entry: ExpertEntry, mode: str, robot: Robot, columns_text: str) -> byt
     return ("{\n" + ",\n".join(lines) + ",\n").encode()
 
 
-def _frames_texts(clips: Sequence[RobotClip], robot: Robot) -> Iterator[bytes]:
-    for frames in frames_of_clips(clips, robot):
-        yield FRAMES + numbers_text(rounded(frames, len(robot.controlled))) + b"\n]}\n"
+def _frames_text(frames: Float[np.ndarray, "t c"]) -> bytes:
+    return FRAMES + numbers_text(frames) + b"\n]}\n"
 
 
 def _write_clips(
@@ -235,6 +232,7 @@ def _write_clips(
     """A row of the index for each entry, written. Raises DatabaseError where a clip does not read back."""
     names: set[str] = set()
     texts: dict[str, str] = {}
+    stages, stages_text = None, ""
     faults: list[str] = []
     for few in _in_batches(entries, pool):
         for entry in few:
@@ -250,7 +248,11 @@ def _write_clips(
             faults += own_faults
             if isinstance(entry.clip, StoredClip):
                 known.made[entry.clip.blob] = own
-            row = index.row(
+            if entry.stages is not stages:
+                stages, text = entry.stages, json.dumps(entry.stages, sort_keys=True, allow_nan=False)
+                # Of what stages say of a clip only reasons are its own: equal texts are kept once.
+                stages_text = texts.setdefault(text, text)
+            yield index.row(
                 entry.numbers,
                 clip=entry.clip.name,
                 file=own.file,
@@ -261,10 +263,8 @@ def _write_clips(
                 weight=entry.weight,
                 skill=entry.skill,
                 licence=entry.licence,
-                stages=json.dumps(entry.stages, sort_keys=True, allow_nan=False),
+                stages=stages_text,
             )
-            # Of what stages say of a clip only reasons are its own: equal texts are kept once.
-            yield {**row, "stages": texts.setdefault(row["stages"], row["stages"])}
     if faults:
         raise DatabaseError(part, faults)
 
@@ -289,11 +289,15 @@ Written = tuple[WrittenFrames, str, list[str]]
 def _write_files(
     part: Path, entries: list[tuple[ExpertEntry, WrittenFrames | None]], robot: Robot, in_place: Path
 ) -> list[Written]:
-    """Entries written: those whose frames the database in place has are copied, others encoded and read back."""
+    """Entries written: those whose frames the database in place has are copied, others checked and encoded.
+
+    The first that is encoded is read back from the disk, as that takes as long as encoding.
+    """
     columns_text, head = _columns_text(robot), manifest.frame_facts(robot)
     copied = [written.text(in_place) if written else None for _, written in entries]
     new = _encoded([entry for (entry, _), text in zip(entries, copied, strict=True) if text is None], robot)
     done: list[Written] = []
+    read_back = False
     for (entry, written), text in zip(entries, copied, strict=True):
         faults: list[str] = []
         if written is not None and text is not None:
@@ -301,17 +305,22 @@ def _write_files(
             data = _head(entry, own.loop_mode, robot, columns_text) + text
             (part / own.file).write_bytes(data)
         else:
-            own, text = next(new)
+            own, text, faults = next(new)
             data = _head(entry, own.loop_mode, robot, columns_text) + text
             (part / own.file).write_bytes(data)
-            read_clip(part, own.file, entry.clip.name, head, faults)
+            if not read_back:
+                faults, read_back = [], True
+                read_clip(part, own.file, entry.clip.name, head, faults)
         done.append((own, digest.of_bytes(data), faults))
     return done
 
 
-def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[WrittenFrames, bytes]]:
+def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[WrittenFrames, bytes, list[str]]]:
+    """The frames of each entry, their text and their faults."""
     clips = [entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load() for entry in entries]
-    for clip, text in zip(clips, _frames_texts(clips, robot), strict=True):
+    for clip, frames in zip(clips, frames_of_clips(clips, robot), strict=True):
+        frames = rounded(frames, len(robot.controlled))
+        text = _frames_text(frames)
         written = WrittenFrames(
             file=file_name(clip.name),
             text_sha256=digest.of_bytes(text),
@@ -319,7 +328,7 @@ def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[Wri
             seconds=clip.duration_s,
             loop_mode=loop_mode(clip),
         )
-        yield written, text
+        yield written, text, faults_of_frames(written.file, frames)
 
 
 def _check(entry: ExpertEntry, names: Container[str]) -> None:

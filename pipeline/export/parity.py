@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.deployment import DeploymentTask, Policy, PolicyController
+from pipeline.deployment import DeploymentTask, Policy, PolicyController, Reading
 from pipeline.errors import FileError
 from pipeline.export.card import check_stated
 from pipeline.export.metadata import ExportError
@@ -70,8 +70,10 @@ def replay(task: DeploymentTask, policy: Policy, **readings: np.ndarray) -> Gold
     """Controller outputs for readings `gyro_b, gravity_b, command, joint_pos, joint_vel`, each (k, …)."""
     controller = PolicyController(task, policy)
     made: dict[str, list[np.ndarray]] = {"observation": [], "action": [], "targets": []}
-    for step in range(len(readings["command"])):
-        made["targets"].append(controller.targets(**{name: values[step] for name, values in readings.items()}))
+    sensed = {name: values for name, values in readings.items() if name != "command"}
+    for step, command in enumerate(readings["command"]):
+        reading = Reading(**{name: values[step] for name, values in sensed.items()})
+        made["targets"].append(controller.targets(reading, command))
         made["observation"].append(controller.observation)
         made["action"].append(controller.last_action)
     return GoldenVectors(

@@ -75,7 +75,7 @@ def balance(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSett
     _check(rows)
     ordered = rows.sort_values("clip", kind="stable").reset_index(names="place")
     ordered = ordered.assign(family=families(ordered, parents(ordered), settings.same_gait))
-    spent = by_command(ordered)
+    spent = by_command(ordered.drop(columns=[SIGNATURE, "parent"], errors="ignore"))
     spent = spent.assign(cell=cell_of(spent, commands))
     worth = _second_weight(spent, settings) * spent["seconds"].to_numpy(dtype=float)
     seconds = ordered["seconds"].to_numpy(dtype=float)

@@ -105,7 +105,8 @@ def _distinct(boxes: Int[np.ndarray, "t 3"]) -> tuple[Int[np.ndarray, "n 3"], In
 
 
 def by_command(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row for each box a clip visits, with its velocities and seconds; the other columns are the clip's.
+    """A row for each box a clip visits, with its velocities and seconds; the other columns are the clip's, without
+    the text of all boxes.
 
     Seconds are scaled so that a clip's add up to its own. Clips that don't carry `command_seconds` keep one row with
     their mean velocities. `clip_seconds` holds the clip's own seconds, `row` its place in the table.
@@ -119,7 +120,7 @@ def by_command(rows: pd.DataFrame) -> pd.DataFrame:
         spent[:, 3] *= seconds[place] / spent[:, 3].sum()
         places += [place] * len(spent)
         values.append(spent)
-    found = rows.iloc[places].reset_index(drop=True)
+    found = rows.drop(columns=SECONDS_COLUMN, errors="ignore").iloc[places].reset_index(drop=True)
     table = np.concatenate(values) if values else np.zeros((0, 4))
     found = found.assign(row=places, clip_seconds=found["seconds"].astype(float), seconds=table[:, 3])
     return found.assign(**{name: table[:, column] for column, name in enumerate(VELOCITIES)})

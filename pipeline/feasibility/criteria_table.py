@@ -7,6 +7,7 @@ further: clips that go on keep a number a criterion.
 import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.batch import Judged, Manifest, changed
+from pipeline.batch import Judged, Manifest, Rows
+from pipeline.batch.shard import MISSING, Shard
 from pipeline.errors import FileError
 from pipeline.feasibility.criterion import REGISTERED, codes
-from pipeline.feasibility.judgement import NUMBER, Found, Judgement, from_text
+from pipeline.feasibility.judgement import NUMBER, Found, from_text
 from pipeline.files import atomic, digest
 from pipeline.files.sourced import Origin
 
@@ -45,6 +47,8 @@ COLUMNS = {
 """`start_s` to `stop_s` [s] is the stretch of `clip` that was judged, `piece` the clip that went on from it; `margin`
 is what was left to the threshold, over the threshold; `message` what is wrong, or why it does not apply; `setting`
 names the threshold in data/feasibility.yaml, `source` and `why` are what stands there."""
+
+TEXTS = tuple(name for name, kind in COLUMNS.items() if kind == pa.string())
 
 ROWS_AT_A_TIME = 10_000
 """Rows that are turned into plain columns and written at a time; in memory a text that many rows have is there once."""
@@ -80,15 +84,18 @@ def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, 
         manifest: KP5's findings on each clip, judgements among the numbers
         origins: unit and source of each threshold of data/feasibility.yaml, by its name
     """
-    judged = changed(Judged, manifest.judged, _without_judgements)
-    rows = (row for each in manifest.judged for row in _rows_of_clip(each, origins))
+    facts = {code: _facts(code, origins) for code in REGISTERED}
+    rows = (row for shard in manifest.judged_shards for row in _rows_of_shard(shard, facts))
+    judged = Rows([shard.without_number(NUMBER) for shard in manifest.judged_shards])
     return dataclasses.replace(manifest, judged=judged), _table(rows)
 
 
-def _without_judgements(row: Judged) -> Judged:
-    if NUMBER not in row.numbers:
-        return row
-    return dataclasses.replace(row, numbers={name: value for name, value in row.numbers.items() if name != NUMBER})
+def with_origins(table: pd.DataFrame, origins: Mapping[str, Origin]) -> pd.DataFrame:
+    """The table with thresholds' units and sources as `origins` has them now; its criteria are registered ones."""
+    criterion = table["criterion"].cat
+    facts = [_facts(code, origins) for code in criterion.categories]
+    texts = {name: [getattr(each, name) for each in facts] for name in ORIGIN}
+    return table.assign(**{name: _texts(own, criterion.codes.to_numpy()) for name, own in texts.items()})
 
 
 def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:
@@ -115,7 +122,9 @@ def belongs(path: Path, manifest: Path) -> bool:
 def read(
     path: Path, manifest: Path, asset: str = "feasible_motions", columns: Sequence[str] | None = None
 ) -> pd.DataFrame:
-    """The table at `path`. Raises FileError, with the asset to materialize, where there is none of this manifest.
+    """The table at `path`, its texts as categories.
+
+    Raises FileError, with the asset to materialize, where there is none of this manifest.
 
     Args:
         path: file of the table
@@ -128,7 +137,8 @@ def read(
             "the table of criteria is not of what is stored." if path.is_file() else "there is no table of criteria."
         )
         raise FileError(path, problem, f"Run: dagster asset materialize --select {asset}")
-    return pq.read_table(path, columns=None if columns is None else list(columns)).to_pandas()
+    wanted = None if columns is None else list(columns)
+    return pq.read_table(path, columns=wanted, read_dictionary=list(TEXTS)).to_pandas()
 
 
 def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
@@ -155,16 +165,16 @@ def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
     return asked.sort_values(by=["margin", "clip", "start_s", "criterion"], na_position="first")
 
 
-def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+def _table(rows: Iterable[tuple]) -> pd.DataFrame:
     """A data frame of rows whose values are in the order of `COLUMNS`.
 
     To save memory, rows are read in batches and not kept: a text is stored as the index of its first occurrence and
     becomes a category.
     """
-    places: dict[str, dict[str, int]] = {name: {} for name, kind in COLUMNS.items() if kind == pa.string()}
+    places: dict[str, dict[str, int]] = {name: {} for name in TEXTS}
     parts: dict[str, list[np.ndarray]] = {name: [] for name in COLUMNS}
     rest = iter(rows)
-    while few := [row.values() for row in itertools.islice(rest, ROWS_AT_A_TIME)]:
+    while few := list(itertools.islice(rest, ROWS_AT_A_TIME)):
         for name, values in zip(COLUMNS, zip(*few, strict=True), strict=True):
             known = places.get(name)
             if known is None:
@@ -172,61 +182,72 @@ def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
             else:
                 parts[name].append(np.array([known.setdefault(text, len(known)) for text in values], dtype=np.int32))
     columns = {name: np.concatenate(parts.pop(name) or [np.zeros(0)]) for name in COLUMNS}
-    return pd.DataFrame({name: _texts(places[name], own) if name in places else own for name, own in columns.items()})
+    return pd.DataFrame(
+        {name: _texts(list(places[name]), own) if name in places else own for name, own in columns.items()}
+    )
 
 
-def _texts(places: Mapping[str, int], codes: np.ndarray) -> pd.Categorical:
-    """A category for each text, in their order, from the place of each row's text in `places`."""
-    texts = sorted(places)
-    order = np.empty(len(texts), dtype=np.int32)
-    order[[places[text] for text in texts]] = np.arange(len(texts))
-    return pd.Categorical.from_codes(order[codes.astype(np.int32)], categories=pd.Index(texts, dtype="str"))
+def _texts(texts: Sequence[str], rows: np.ndarray) -> pd.Categorical:
+    """A category for each text, in their order, from the place of each row's text in `texts`."""
+    names = sorted(set(texts))
+    place = {text: index for index, text in enumerate(names)}
+    order = np.array([place[text] for text in texts], dtype=np.int32)
+    return pd.Categorical.from_codes(order[rows.astype(np.int32)], categories=pd.Index(names, dtype="str"))
 
 
-def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dict[str, Any]]:
-    text = judged.numbers.get(NUMBER)
-    if text is None:  # it could not be judged at all: the reasons are all there is
-        yield from (_row_of_reason(judged, reason) for reason in judged.reasons)
-        return
-    for judgement in from_text(str(text)):
-        for code, found in judgement.found.items():
-            yield _row(judged.clip, judgement, code, found, origins)
+@dataclass(frozen=True, kw_only=True)
+class _Facts:
+    """What the table says of a criterion in every row."""
+
+    group: str
+    unit: str
+    setting: str
+    source: str
+    why: str
+    stated: float | None
+    """The threshold, where it is the same for all clips."""
 
 
-def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapping[str, Origin]) -> dict[str, Any]:
+def _facts(code: str, origins: Mapping[str, Origin]) -> _Facts:
     setting = REGISTERED[code].limit
     origin = origins[setting]
+    return _Facts(
+        group=REGISTERED[code].group,
+        unit=origin.unit,
+        setting=setting,
+        source=origin.source,
+        why=origin.why,
+        stated=float(origin.value) if isinstance(origin.value, (int, float)) else None,
+    )
+
+
+def _rows_of_shard(shard: Shard[Judged], facts: Mapping[str, _Facts]) -> Iterator[tuple]:
+    columns = shard.columns(["clip", "reasons", NUMBER, "seconds_in"])
+    missing = [MISSING] * shard.count
+    texts, seconds = (columns.get(name, missing) for name in (NUMBER, "seconds_in"))
+    for clip, reasons, text, seconds_in in zip(columns["clip"], columns["reasons"], texts, seconds, strict=True):
+        if text is MISSING:  # it could not be judged at all: the reasons are all there is
+            yield from (_row_of_reason(clip, reason, seconds_in) for reason in reasons)
+            continue
+        for judgement in from_text(str(text)):
+            place = (clip, judgement.start_s, judgement.stop_s, judgement.piece)
+            for code, found in judgement.found.items():
+                yield place + _cells(code, found, facts[code])
+
+
+def _cells(code: str, found: Found, facts: _Facts) -> tuple:
+    """The cells of a row from `group` on."""
     verdict = NOT_APPLICABLE if found.not_applicable else BROKEN if found.broken else HOLDS
-    return {
-        "clip": clip,
-        "start_s": judgement.start_s,
-        "stop_s": judgement.stop_s,
-        "piece": judgement.piece,
-        "group": REGISTERED[code].group,
-        "criterion": code,
-        "number": found.value,
-        "threshold": _stated(origin) if found.not_applicable else found.limit,
-        "sense": "at least" if found.lower else "at most",
-        "unit": origin.unit,
-        "verdict": verdict,
-        "margin": _margin(found),
-        "message": found.broken or found.not_applicable,
-        "setting": setting,
-        "source": origin.source,
-        "why": origin.why,
-    }
+    threshold, sense = facts.stated if found.not_applicable else found.limit, "at least" if found.lower else "at most"
+    numbers = (found.value, threshold, sense, facts.unit, verdict, _margin(found))
+    return facts.group, code, *numbers, found.broken or found.not_applicable, facts.setting, facts.source, facts.why
 
 
-def _row_of_reason(judged: Judged, reason: Mapping[str, Any]) -> dict[str, Any]:
-    seconds = float(judged.numbers.get("seconds_in") or 0.0)
-    plain = dict.fromkeys(COLUMNS) | {"clip": judged.clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
+def _row_of_reason(clip: str, reason: Mapping[str, Any], seconds_in: Any) -> tuple:
+    seconds = 0.0 if seconds_in is MISSING else float(seconds_in or 0.0)
+    cells = dict.fromkeys(COLUMNS) | {"clip": clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
     facts = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "message": reason["text"]}
-    return {**plain, **facts, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
-
-
-def _stated(origin: Origin) -> float | None:
-    """The threshold that a criterion would have been held to, where it is the same for all."""
-    return float(origin.value) if isinstance(origin.value, (int, float)) else None
+    return tuple((cells | facts | dict.fromkeys(("sense", "unit", "setting", "source", "why"), "")).values())
 
 
 def _margin(found: Found) -> float | None:

@@ -6,90 +6,52 @@ still are is what the asset's check `stored_as_evaluated` finds. So its results 
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import union_categoricals
 
-from pipeline.batch import Entry, Judged, Manifest, Rows, Stage, changed
+from pipeline.batch import Entry, Judged, Manifest, Rows, Stage
 from pipeline.batch.shard import Shard, cut, shard_of
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES
-from pipeline.feasibility.criteria_table import NOT_APPLICABLE
+from pipeline.feasibility.criteria_table import TEXTS
 from pipeline.feasibility.criterion import MOTION, REGISTERED
 from pipeline.feasibility.gait_signature import COLUMN as SIGNATURE
-from pipeline.feasibility.judgement import NUMBER, Found, Judgement, to_text
 
 T = TypeVar("T")
 
-Results = Mapping[str, Mapping[str, Found]]
-"""Name of a clip -> code of each criterion -> its result."""
 
-READ = ("piece", "criterion", "number", "threshold", "sense", "verdict", "message")
-"""Columns of the table of criteria that results are made of."""
-TEXTS = ("piece", "criterion", "sense", "verdict", "message")
-"""Those of them that are texts."""
-
-
-class ResultsOfPieces(Results):
-    """Results on each piece that left KP5, from the columns `READ` of KP5's table of criteria; made when asked for."""
-
-    def __init__(self, criteria: pd.DataFrame):
-        kept = criteria.loc[criteria["piece"] != "", list(READ)]
-        kept = kept.astype(dict.fromkeys(TEXTS, "category"))
-        piece = kept.pop("piece").cat
-        starts = np.flatnonzero(np.diff(piece.codes, prepend=-1))
-        names = piece.categories[piece.codes.iloc[starts]]
-        self._place = dict(zip(names, zip(starts, [*starts[1:], len(kept)], strict=True), strict=True))
-        self._texts = {
-            name: (kept[name].cat.codes.to_numpy(), kept[name].cat.categories.tolist()) for name in TEXTS[1:]
-        }
-        self._numbers = kept[["number", "threshold"]].to_numpy()
-
-    def __getitem__(self, piece: str) -> dict[str, Found]:
-        rows = slice(*self._place[piece])
-        texts = [[known[code] for code in codes[rows].tolist()] for codes, known in self._texts.values()]
-        values = self._numbers[rows].tolist()
-        return {code: _found(code, *numbers, *others) for code, *others, numbers in zip(*texts, values, strict=True)}
-
-    def __contains__(self, piece: object) -> bool:
-        return piece in self._place
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._place)
-
-    def __len__(self) -> int:
-        return len(self._place)
-
-
-def _found(code: str, number: float, threshold: float, sense: str, verdict: str, message: str) -> Found:
-    if verdict == NOT_APPLICABLE:
-        return Found(not_applicable=message)
-    value, limit = (None if each != each else each for each in (number, threshold))  # NaN where there is none
-    return Found(value=value, limit=limit, lower=sense == "at least", unit=REGISTERED[code].unit)
-
-
-def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> tuple[Manifest, Rows[Entry]]:
+def without_evaluated(candidates: Manifest, stage: Stage, pieces: Collection[str]) -> tuple[Manifest, Rows[Entry]]:
     """The candidates that are still to be evaluated, and those that the code, settings and robot of `stage` evaluated.
 
     Args:
         candidates: clips for KP5
         stage: KP5
-        results: those that are at hand
+        pieces: names of the clips whose results are at hand
     """
 
     asked = (stage.version, stage.settings_digest)
 
-    def is_known(entry: Entry) -> bool:
-        last = entry.record[-1] if entry.record and entry.clip in results else None
-        return last is not None and (last["version"], last["settings"]) == asked
+    def is_known(clip: str, record: Sequence[Mapping[str, Any]]) -> bool:
+        return clip in pieces and bool(record) and (record[-1]["version"], record[-1]["settings"]) == asked
 
-    rest = changed(Entry, candidates.entries, lambda entry: None if is_known(entry) else entry)
-    known = changed(Entry, candidates.entries, lambda entry: entry if is_known(entry) else None)
-    return dataclasses.replace(candidates, entries=rest), known
+    rest: list[Shard[Entry]] = []
+    known: list[Shard[Entry]] = []
+    for shard in candidates.entry_shards:
+        columns = shard.columns(["clip", "record"])
+        found = [is_known(*row) for row in zip(columns["clip"], columns["record"], strict=True)]
+        if all(found) or not any(found):
+            (known if found[0] else rest).append(shard)
+            continue
+        for shards, wanted in ((known, True), (rest, False)):
+            rows = [row for row, is_one in zip(shard.rows(), found, strict=True) if is_one == wanted]
+            shards.append(shard_of(Entry, rows))
+    return dataclasses.replace(candidates, entries=Rows(rest)), Rows(known)
 
 
-def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry], results: Results) -> Manifest:
+def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry]) -> Manifest:
     """The manifest of a stage with the clips that needed no evaluation, as if they had been evaluated too.
 
     Rows of `SHARDS_AT_HAND` shards of each kind at a time are in memory; of all clips, only the names.
@@ -110,7 +72,7 @@ def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry], results
             row = findings[clip]
             if isinstance(row, Entry):
                 passed = _passed(row, done)
-                rows.append(_judged(passed, results[clip]))
+                rows.append(_judged(passed))
                 kept.append(passed)
             else:
                 rows.append(row)
@@ -149,12 +111,36 @@ def _passed(entry: Entry, done: dict[str, Any]) -> Entry:
     return dataclasses.replace(entry, numbers=numbers, record=(*entry.record, done))
 
 
-def _judged(entry: Entry, found: Mapping[str, Found]) -> Judged:
+def _judged(entry: Entry) -> Judged:
     seconds = entry.numbers["seconds"]
-    judgement = Judgement(start_s=0.0, stop_s=seconds, found=found, piece=entry.clip)
     names = [code for code, each in REGISTERED.items() if each.of == MOTION]
     names += [*VELOCITIES, SECONDS_COLUMN, SIGNATURE]
     numbers = {name: entry.numbers[name] for name in names if name in entry.numbers}
     whole = {"seconds_in": seconds, "seconds_out": seconds, "seconds": seconds, "kept_seconds": seconds}
-    text = to_text([judgement])
-    return Judged(clip=entry.clip, pieces=(entry.clip,), reasons=(), numbers={**whole, **numbers, NUMBER: text})
+    return Judged(clip=entry.clip, pieces=(entry.clip,), reasons=(), numbers={**whole, **numbers})
+
+
+def criteria_of_pieces(table: pd.DataFrame, known: Rows[Entry]) -> pd.DataFrame:
+    """The rows that KP5's table of criteria would have on pieces that left it, if they were evaluated again.
+
+    Args:
+        table: rows of the evaluation that they left, texts as categories
+        known: the pieces
+    """
+    columns = [shard.columns(["clip", "seconds"]) for shard in known.shards]
+    seconds = {clip: own for each in columns for clip, own in zip(each["clip"], each["seconds"], strict=True)}
+    of_piece = np.array([seconds.get(piece, np.nan) for piece in table["piece"].cat.categories])
+    stop_s = of_piece[table["piece"].cat.codes]
+    own = table.assign(clip=table["piece"], start_s=0.0, stop_s=stop_s).loc[~np.isnan(stop_s)].reset_index(drop=True)
+    return own.assign(**{name: own[name].cat.remove_unused_categories() for name in TEXTS})
+
+
+def together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The rows of tables of criteria, by the names of their clips; the rows of a clip are in one of them."""
+    texts = {
+        name: union_categoricals([pd.Categorical(each[name]) for each in tables], sort_categories=True)
+        for name in TEXTS
+    }
+    table = pd.concat([each.drop(columns=list(texts)) for each in tables], ignore_index=True).assign(**texts)
+    order = np.argsort(table["clip"].cat.codes.to_numpy(), kind="stable")
+    return table.iloc[order].reset_index(drop=True)[list(tables[0].columns)]

@@ -117,15 +117,9 @@ def asymmetry(robot: Robot) -> float:
     and in the overlap of the robot's shapes [m]."""
     rng = np.random.default_rng(0)
     shape = (POSES, len(robot.joint_names))
-    clip = RobotClip(
-        name="random poses",
-        fps=FPS,
-        robot=robot.name,
-        joint_names=robot.joint_names,
-        root_pos_w=np.zeros((POSES, 3)),
-        root_quat_w=rotation.normalize(rng.normal(size=(POSES, 4))),
-        joint_pos=rng.uniform(robot.joint_lower, robot.joint_upper, shape),
-    )
+    root_quat_w = rotation.normalize(rng.normal(size=(POSES, 4)))
+    joint_pos = rng.uniform(robot.joint_lower, robot.joint_upper, shape)
+    clip = robot.clip("random poses", FPS, np.zeros((POSES, 3)), root_quat_w, joint_pos)
     image = mirror_clip(clip, robot, clip.name)
     kinematics = Kinematics(robot)
     links, mirrored = (

@@ -10,6 +10,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import msgspec
+
 from pipeline.feasibility.assess import Assessment
 from pipeline.feasibility.criterion import Result, Skipped, codes
 
@@ -70,11 +72,10 @@ def to_text(judgements: Sequence[Judgement]) -> str:
 
 def from_text(text: str) -> tuple[Judgement, ...]:
     """The judgements that `to_text` was called on, to `DIGITS` digits."""
-    judgements = []
-    for row in json.loads(text):
-        found = {code: Found(**values) for code, values in row.pop("found").items()}
-        judgements.append(Judgement(**row, found=found))
-    return tuple(judgements)
+    return _DECODER.decode(text)
+
+
+_DECODER = msgspec.json.Decoder(tuple[Judgement, ...])
 
 
 def _found(result: Result) -> Found:

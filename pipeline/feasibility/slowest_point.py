@@ -27,24 +27,23 @@ def distance_from_zero(points: Float[np.ndarray, "*n c 2"], taken: Bool[np.ndarr
 
     The nearest point of the hull is a point, lies on the line between two, or is zero within a triangle of three.
     """
-    best = np.where(taken, np.linalg.norm(points, axis=-1), np.inf).min(axis=-1)
+    x, y = points[..., 0], points[..., 1]
+    best = np.where(taken, np.sqrt(x * x + y * y), np.inf).min(axis=-1)
     corners = range(points.shape[-2])
     pairs, threes = list(combinations(corners, 2)), list(combinations(corners, 3))
     first, second = np.array(pairs).reshape(-1, 2).T
-    start, end = points[..., first, :], points[..., second, :]
-    way = end - start
-    share = -np.sum(start * way, axis=-1) / np.maximum(np.sum(way**2, axis=-1), 1e-12)
-    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * way
+    start_x, start_y, end_x, end_y = x[..., first], y[..., first], x[..., second], y[..., second]
+    way_x, way_y = end_x - start_x, end_y - start_y
+    length_2 = np.maximum(way_x * way_x + way_y * way_y, 1e-12)
+    share = np.clip(-(start_x * way_x + start_y * way_y) / length_2, 0.0, 1.0)
+    near_x, near_y = start_x + share * way_x, start_y + share * way_y
     both = taken[..., first] & taken[..., second]
-    best = np.minimum(best, np.where(both, np.linalg.norm(nearest, axis=-1), np.inf).min(axis=-1, initial=np.inf))
-    turns = _cross(start, end)
+    distance = np.where(both, np.sqrt(near_x * near_x + near_y * near_y), np.inf)
+    best = np.minimum(best, distance.min(axis=-1, initial=np.inf))
+    turns = start_x * end_y - start_y * end_x
     for one, two, three in threes:
         around = turns[..., [pairs.index((one, two)), pairs.index((two, three)), pairs.index((one, three))]]
         around[..., 2] *= -1.0
         holds_zero = np.all(around > 0.0, axis=-1) | np.all(around < 0.0, axis=-1)
         best = np.where(holds_zero & taken[..., one] & taken[..., two] & taken[..., three], 0.0, best)
     return best
-
-
-def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]

@@ -33,17 +33,6 @@ class FeedbackFiles:
     approved: Path
     declined: Path
 
-    @staticmethod
-    def of(root: Path) -> "FeedbackFiles":
-        """The files of the project in `root`."""
-        data = root / "data"
-        return FeedbackFiles(
-            store=Store(root=data / "store"),
-            rules_file=data / "feedback_rules.yaml",
-            approved=data / "feedback" / "approved.yaml",
-            declined=data / "feedback" / "declined.yaml",
-        )
-
     @property
     def rules(self) -> FeedbackRules:
         """The rules that bound every change. Raises SettingsError."""

@@ -94,16 +94,7 @@ def to_robot_clip(
     quat = rotation.normalize(in_order(motion.root_quat, order))
     valid = np.isfinite(quat).all(axis=1)
     quat[valid] = rotation.make_continuous(quat[valid])
-    clip = RobotClip(
-        name=name,
-        fps=rate,
-        robot=robot.name,
-        joint_names=robot.joint_names,
-        root_pos_w=motion.root_pos_w,
-        root_quat_w=quat,
-        joint_pos=motion.joint_pos[:, columns],
-    )
-    return clip, notes
+    return robot.clip(name, rate, motion.root_pos_w, quat, motion.joint_pos[:, columns]), notes
 
 
 def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Robot, list[int]]:

@@ -4,12 +4,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
+from pipeline.errors import FileError
 from pipeline.files import digest
 from pipeline.robot.description import HUMAN_SITES, JOINTS, Description
 from pipeline.robot.legs import mirror_index, mirror_sign
 from pipeline.robot.model_files import render_mjcf, render_urdf
 from pipeline.robot.robot import Robot, Tree, forward
-from pipeline.robot.robot_error import Fault, refuse
+from pipeline.robot.robot_error import refuse
 from pipeline.robot.tables import LinkRow
 
 COLUMNS = {
@@ -84,7 +85,7 @@ def _signs(source: Description, tree: Tree, partner: np.ndarray) -> np.ndarray:
         if sign == 0.0:
             problem = f"the axis of joint '{row.joint}' is no mirror image of that of '{source.joints[index].joint}'."
             do = "Correct the axes in the links table or mirror_names."
-            faults.append(Fault(path=path, line=row.line, problem=problem, do=do))
+            faults.append(FileError(path, problem, do, row.line))
     refuse(faults)
     return signs
 

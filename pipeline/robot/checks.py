@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from pipeline.errors import FileError
 from pipeline.robot.description import CONFIG, HUMAN_LINKS, HUMAN_SITES, JOINTS, LINKS, SHAPES, SITES, Description
 from pipeline.robot.legs import mirrored_name
-from pipeline.robot.robot_error import Fault
 from pipeline.robot.tables import SHAPE_ROLES, SHAPE_SIZES, LinkRow, Row
 
 INERTIA_TOLERANCE = 1e-6
@@ -15,7 +15,7 @@ AXIS_TOLERANCE = 1e-9
 """Allowed deviation of a joint axis from unit length."""
 
 
-def faults_of(robot: Description) -> list[Fault]:
+def faults_of(robot: Description) -> list[FileError]:
     """The faults of the tables. Later checks depend on earlier ones, so the first failing check ends the list."""
     for check in (_tree, _joints, _inertia, _shapes, _sites, _config, _mirror):
         faults = list(check(robot))
@@ -24,7 +24,7 @@ def faults_of(robot: Description) -> list[Fault]:
     return []
 
 
-def _tree(robot: Description) -> Iterator[Fault]:
+def _tree(robot: Description) -> Iterator[FileError]:
     seen: set[str] = set()
     joints: set[str] = set()
     for number, row in enumerate(robot.links):
@@ -44,7 +44,7 @@ def _tree(robot: Description) -> Iterator[Fault]:
         joints.add(row.joint)
 
 
-def _joints(robot: Description) -> Iterator[Fault]:
+def _joints(robot: Description) -> Iterator[FileError]:
     moved = {row.joint: row for row in robot.links[1:]}
     for name, link in moved.items():
         if name not in robot.joint_rows:
@@ -81,7 +81,7 @@ def depth_first(robot: Description) -> list[LinkRow]:
     return rows
 
 
-def _inertia(robot: Description) -> Iterator[Fault]:
+def _inertia(robot: Description) -> Iterator[FileError]:
     for row in robot.links:
         moments = np.linalg.eigvalsh(row.inertia)
         if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] - INERTIA_TOLERANCE * moments.sum():
@@ -91,7 +91,7 @@ def _inertia(robot: Description) -> Iterator[Fault]:
             yield _fault(robot, LINKS, row, problem, do)
 
 
-def _shapes(robot: Description) -> Iterator[Fault]:
+def _shapes(robot: Description) -> Iterator[FileError]:
     colours = robot.config.colours
     for row in robot.shapes:
         name = f"shape '{row.shape}'"
@@ -106,7 +106,7 @@ def _shapes(robot: Description) -> Iterator[Fault]:
             yield _fault(robot, SHAPES, row, f"{name} has the sizes {sizes}.", do)
 
 
-def _sites(robot: Description) -> Iterator[Fault]:
+def _sites(robot: Description) -> Iterator[FileError]:
     for row in robot.sites:
         yield from _unknown(robot, SITES, row, f"site '{row.site}': link", row.link, robot.link_names)
         if row.site in robot.link_names:
@@ -117,7 +117,7 @@ def _sites(robot: Description) -> Iterator[Fault]:
         yield _fault(robot, SITES, None, problem, "Add the row.")
 
 
-def _config(robot: Description) -> Iterator[Fault]:
+def _config(robot: Description) -> Iterator[FileError]:
     config = robot.config
     sites = [row.site for row in robot.sites]
     groups: list[tuple[str, Iterable[str], Iterable[str]]] = [
@@ -136,7 +136,7 @@ def _config(robot: Description) -> Iterator[Fault]:
         yield _fault(robot, CONFIG, None, problem, f"Name {', '.join(HUMAN_LINKS)}.")
 
 
-def _mirror(robot: Description) -> Iterator[Fault]:
+def _mirror(robot: Description) -> Iterator[FileError]:
     pairs = robot.config.mirror_names
     for table, what, rows in ((LINKS, "link", robot.links), (JOINTS, "joint", robot.joints)):
         names = [row.name for row in rows]
@@ -160,10 +160,10 @@ def _mirror(robot: Description) -> Iterator[Fault]:
 
 def _unknown(
     robot: Description, table: str, row: Row | None, what: str, name: str, known: Iterable[str]
-) -> Iterator[Fault]:
+) -> Iterator[FileError]:
     if name not in known:
         yield _fault(robot, table, row, f"unknown {what} '{name}'.", f"There are: {', '.join(sorted(known))}.")
 
 
-def _fault(robot: Description, table: str, row: Row | None, problem: str, do: str) -> Fault:
-    return Fault(path=robot.folder / table, line=row.line if row else None, problem=problem, do=do)
+def _fault(robot: Description, table: str, row: Row | None, problem: str, do: str) -> FileError:
+    return FileError(robot.folder / table, problem, do, row.line if row else None)

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+from pipeline.errors import FileError
 from pipeline.files.csv_json import read_csv_text
-from pipeline.robot.robot_error import Fault, refuse
+from pipeline.robot.robot_error import refuse
 from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow, read_records
 
 CONFIG = "robot.toml"
@@ -103,19 +104,19 @@ def read_aliases(folder: Path, joints: Sequence[str]) -> tuple[dict[str, tuple[s
     header, *rows = read_records(path) or [[]]
     if len(header) < 2 or header[0] != "joint" or len(set(header)) < len(header) or not all(header):
         problem = f"the columns are {', '.join(header) or 'missing'}."
-        refuse([Fault(path=path, line=1, problem=problem, do="They must be joint and the name of each naming.")])
+        refuse([FileError(path, problem, "They must be joint and the name of each naming.", line=1)])
     lengths = {line: len(row) for line, row in enumerate(rows, start=2) if len(row) != len(header)}
     do = f"Write {len(header)}."
-    refuse([Fault(path=path, line=line, problem=f"the row has {n} values.", do=do) for line, n in lengths.items()])
+    refuse([FileError(path, f"the row has {n} values.", do, line) for line, n in lengths.items()])
     if [row[0] for row in rows] != list(joints):
         problem = "the joints are not those of joints.csv in their order."
-        refuse([Fault(path=path, problem=problem, do=f"Write a row for each of: {', '.join(joints)}.")])
+        refuse([FileError(path, problem, f"Write a row for each of: {', '.join(joints)}.")])
     namings = {name: tuple(row[place] for row in rows) for place, name in enumerate(header) if place}
     refuse(_unclear(path, joints, namings))
     return namings, read_csv_text(path)
 
 
-def _unclear(path: Path, joints: Sequence[str], namings: dict[str, tuple[str, ...]]) -> list[Fault]:
+def _unclear(path: Path, joints: Sequence[str], namings: dict[str, tuple[str, ...]]) -> list[FileError]:
     """Names that are empty or stand for two joints."""
     owner = {joint: joint for joint in joints}
     faults = []
@@ -124,5 +125,5 @@ def _unclear(path: Path, joints: Sequence[str], namings: dict[str, tuple[str, ..
             if not name.strip() or owner.setdefault(name, joint) != joint:
                 both = f"'{name}' stands for '{joint}', and for '{owner.get(name)}'."
                 problem = both if name.strip() else f"'{joint}' has no name."
-                faults.append(Fault(path=path, line=line, problem=problem, do="Give each joint a name of its own."))
+                faults.append(FileError(path, problem, "Give each joint a name of its own.", line))
     return faults

@@ -4,13 +4,13 @@ import dataclasses
 import tomllib
 from pathlib import Path
 
-from pipeline.errors import SettingsError
+from pipeline.errors import FileError, SettingsError
 from pipeline.files import settings
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
 from pipeline.robot.description import CONFIG, FILES, JOINTS, LINKS, SHAPES, SITES, Config, Description, read_aliases
 from pipeline.robot.robot import Robot
-from pipeline.robot.robot_error import Fault, RobotError, refuse
+from pipeline.robot.robot_error import RobotError, refuse
 from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow, read_table
 
 
@@ -19,7 +19,7 @@ def read_description(folder: Path) -> Description:
     if not folder.is_dir():
         known = ", ".join(sorted(path.parent.name for path in folder.parent.glob(f"*/{CONFIG}"))) or "none"
         do = f"Name one of the robots of {folder.parent} ({known}) or a folder."
-        refuse([Fault(path=folder, problem="there is no such robot folder.", do=do)])
+        refuse([FileError(folder, "there is no such robot folder.", do)])
     description = Description(
         folder=folder,
         config=_read_config(folder / CONFIG),
@@ -37,13 +37,13 @@ def read_description(folder: Path) -> Description:
 def _read_config(path: Path) -> Config:
     do = "See docs/robot.md for what it holds."
     if not path.is_file():
-        refuse([Fault(path=path, problem="the file is missing.", do=do)])
+        refuse([FileError(path, "the file is missing.", do)])
     try:
         return settings.parse(Config, tomllib.loads(path.read_text(encoding="utf-8")), path)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RobotError([Fault(path=path, problem=f"it is not TOML ({error}).", do=do)]) from error
+        raise RobotError([FileError(path, f"it is not TOML ({error}).", do)]) from error
     except SettingsError as error:
-        raise RobotError([Fault(path=path, problem=error.problem, do=do)]) from error
+        raise RobotError([FileError(path, error.problem, do)]) from error
 
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
@@ -65,7 +65,7 @@ def load_robot(robot: str | Path) -> Robot:
     for path, text in model_files(model_folder(robot), built).items():
         if not path.is_file() or path.read_bytes() != text.encode():
             problem = "the file is not what the tables beside it say."
-            faults.append(Fault(path=path, problem=problem, do=f"Run python -m pipeline.robot.render {path.parent}"))
+            faults.append(FileError(path, problem, f"Run python -m pipeline.robot.render {path.parent}"))
     refuse(faults)
     return built
 

@@ -4,11 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline import rotation
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
 
 
@@ -214,6 +216,19 @@ class Robot:
             controlled=tuple(renamed[name] for name in self.controlled),
             namings={**self.namings, "own": self.joint_names},
         )
+
+    def clip(
+        self,
+        name: str,
+        fps: float,
+        root_pos_w: Float[np.ndarray, "t 3"],
+        root_quat_w: Float[np.ndarray, "t 4"],
+        joint_pos: Float[np.ndarray, "t j"],
+        **more: Any,
+    ) -> RobotClip:
+        """A motion of the robot; `more` are further fields of the clip."""
+        arrays = {"root_pos_w": root_pos_w, "root_quat_w": root_quat_w, "joint_pos": joint_pos, **more}
+        return RobotClip(name=name, fps=fps, robot=self.name, joint_names=self.joint_names, **arrays)
 
     def joint(self, name: str) -> int:
         """Index of a joint. Raises UnknownNameError."""

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
 from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
-from pipeline.robot.robot_error import Fault, RobotError, refuse
+from pipeline.robot.robot_error import RobotError, refuse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +166,7 @@ def read_records(path: Path) -> list[list[str]]:
     try:
         return list(csv_records(io.StringIO(read_csv_text(path), newline=""), path))
     except FileError as error:
-        raise RobotError([Fault(path=path, line=error.line, problem=error.problem, do=error.do)]) from error
+        raise RobotError([error]) from error
 
 
 R = TypeVar("R", bound=Row)
@@ -175,26 +175,26 @@ R = TypeVar("R", bound=Row)
 def read_table(path: Path, kind: type[R]) -> tuple[R, ...]:
     """Rows of the CSV file `path`. Raises RobotError that names every faulty line."""
     if not path.is_file():
-        refuse([Fault(path=path, problem="the file is missing.", do="A robot folder needs it, see docs/robot.md.")])
+        refuse([FileError(path, "the file is missing.", "A robot folder needs it, see docs/robot.md.")])
     hints = {name: hint for name, hint in typing.get_type_hints(kind).items() if name not in ("line", "positive")}
     header, *records = read_records(path) or [[]]
     if header != list(hints):
         problem = f"the columns are {', '.join(header) or 'missing'}."
-        refuse([Fault(path=path, line=1, problem=problem, do=f"They must be {', '.join(hints)}.")])
+        refuse([FileError(path, problem, f"They must be {', '.join(hints)}.", line=1)])
     rows, faults = [], []
     for line, record in enumerate(records, start=2):
         if len(record) != len(hints):
             problem = f"the row has {len(record)} values."
-            faults.append(Fault(path=path, line=line, problem=problem, do=f"Write {len(hints)}, one a column."))
+            faults.append(FileError(path, problem, f"Write {len(hints)}, one a column.", line))
             continue
         values, problems = parse_cells(dict(zip(hints, record, strict=True)), hints, kind.positive)
         name = f"{next(iter(hints))} '{record[0]}'"
-        faults += [Fault(path=path, line=line, problem=f"{name}: {problem}", do=do) for problem, do in problems]
+        faults += [FileError(path, f"{name}: {problem}", do, line) for problem, do in problems]
         if not problems:
             rows.append(kind(line=line, **values))
     refuse(faults + _repeated(path, rows))
     if not rows:
-        refuse([Fault(path=path, problem="the table is empty.", do="Write at least one row.")])
+        refuse([FileError(path, "the table is empty.", "Write at least one row.")])
     return tuple(rows)
 
 
@@ -237,12 +237,12 @@ def parse_cells(
     return values, problems
 
 
-def _repeated(path: Path, rows: list[Any]) -> list[Fault]:
+def _repeated(path: Path, rows: list[Any]) -> list[FileError]:
     first: dict[str, int] = {}
     faults = []
     for row in rows:
         if row.name in first:
             problem = f"'{row.name}' stands in line {first[row.name]} already."
-            faults.append(Fault(path=path, line=row.line, problem=problem, do="Remove or rename one of them."))
+            faults.append(FileError(path, problem, "Remove or rename one of them.", row.line))
         first.setdefault(row.name, row.line)
     return faults

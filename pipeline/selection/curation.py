@@ -70,13 +70,13 @@ def exclusions(decisions: Iterable[Decision]) -> dict[str, Decision]:
 def without_excluded(manifest: Manifest, decisions: Sequence[Decision]) -> Manifest:
     """The manifest without clips excluded by a person, by own or first name; each keeps the decision as its reason."""
     excluded = exclusions(decisions)
-    input_of = {piece: row.clip for row in manifest.judged for piece in row.pieces}
+    input_of = {piece: clip for clip, pieces in manifest.findings("clip", "pieces") for piece in pieces}
     dropped: dict[str, dict[str, Any]] = {}
-    for entry in manifest.entries:
-        decision = excluded.get(entry.clip) or excluded.get(input_of.get(entry.clip, ""))
+    for (clip,) in manifest.kept("clip"):
+        decision = excluded.get(clip) or excluded.get(input_of.get(clip, ""))
         if decision is not None:
-            text = f"{entry.clip}: {decision.text()}"
-            dropped[entry.clip] = Reason(code="excluded_by_person", text=text, effect="rejected").to_dict()
+            text = f"{clip}: {decision.text()}"
+            dropped[clip] = Reason(code="excluded_by_person", text=text, effect="rejected").to_dict()
     return manifest.without(dropped) if dropped else manifest
 
 

@@ -57,16 +57,9 @@ class Rollout:
         """Every k-th step from `start_s` on as a clip; contacts are the true ones."""
         step = round(1.0 / (fps * self.timestep_s))
         taken = slice(round(start_s / self.timestep_s), None, step)
-        return RobotClip(
-            name=name,
-            fps=fps,
-            robot=self.robot.name,
-            joint_names=self.robot.joint_names,
-            root_pos_w=self.qpos[taken, :3].copy(),
-            root_quat_w=rotation.make_continuous(self.qpos[taken, 3:7]),
-            joint_pos=self.qpos[taken, 7:].copy(),
-            contacts=self.contacts()[taken],
-        )
+        root_pos_w, joint_pos = self.qpos[taken, :3].copy(), self.qpos[taken, 7:].copy()
+        root_quat_w = rotation.make_continuous(self.qpos[taken, 3:7])
+        return self.robot.clip(name, fps, root_pos_w, root_quat_w, joint_pos, contacts=self.contacts()[taken])
 
 
 class Record:

@@ -8,6 +8,7 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.deployment.controller import Reading
 from pipeline.deployment.task import DeploymentTask
 from pipeline.errors import PipelineError
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE
@@ -70,14 +71,7 @@ class Controller(Protocol):
 
     def reset(self) -> None: ...
 
-    def targets(
-        self,
-        gyro_b: np.ndarray,
-        gravity_b: np.ndarray,
-        command: np.ndarray,
-        joint_pos: np.ndarray,
-        joint_vel: np.ndarray,
-    ) -> np.ndarray: ...
+    def targets(self, reading: Reading, command: np.ndarray) -> np.ndarray: ...
 
 
 class RateError(PipelineError):
@@ -142,7 +136,7 @@ def run(
         state = plant.state()
         wanted = command(tick * decimation * plant.timestep_s)
         reading = sensors.read(state)
-        target = controller.targets(reading.gyro_b, reading.gravity_b, wanted, reading.joint_pos, reading.joint_vel)
+        target = controller.targets(reading, wanted)
         record.control(tick, wanted, target, controller.last_action)
         for step in range(tick * decimation, (tick + 1) * decimation):
             pending.append(target)

@@ -4,24 +4,12 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.deployment.controller import Reading
 from pipeline.simulation.plant import PlantState
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """What a controller is given of the robot. Joints in the robot's order."""
-
-    gyro_b: Float[np.ndarray, " 3"]
-    """[rad/s]"""
-    gravity_b: Float[np.ndarray, " 3"]
-    """Direction of gravity in the root's frame, unit."""
-    joint_pos: Float[np.ndarray, " j"]
-    joint_vel: Float[np.ndarray, " j"]
 
 
 @runtime_checkable

@@ -28,16 +28,9 @@ class NominalRollout:
 
 def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:
     """The motions of a bundle as clips."""
+    arrays = (motions.root_pos_w, motions.root_quat_w, motions.joint_pos)
     return [
-        RobotClip(
-            name=name,
-            fps=CONTROL_HZ,
-            robot=robot.name,
-            joint_names=robot.joint_names,
-            root_pos_w=motions.root_pos_w[start:stop],
-            root_quat_w=motions.root_quat_w[start:stop],
-            joint_pos=motions.joint_pos[start:stop],
-        )
+        robot.clip(name, CONTROL_HZ, *(values[start:stop] for values in arrays))
         for name, start, stop in zip(motions.names, motions.clip_start[:-1], motions.clip_start[1:], strict=True)
     ]
 

@@ -194,17 +194,9 @@ class _World:
     def _recorded(self, record: "_Record", start: int) -> RobotClip:
         qpos = np.array(record.qpos)
         forces = record.as_forces()
-        return RobotClip(
-            name=self._clip.name,
-            fps=CONTROL_HZ,
-            robot=self._robot.name,
-            joint_names=self._robot.joint_names,
-            root_pos_w=qpos[:, :3],
-            root_quat_w=rotation.make_continuous(qpos[:, 3:7]),
-            joint_pos=qpos[:, 7:],
-            contacts=forces.foot_wrench_w[:, :, 2] > CONTACT_SHARE * GRAVITY * self._robot.total_mass,
-            forces=forces,
-        )
+        contacts = forces.foot_wrench_w[:, :, 2] > CONTACT_SHARE * GRAVITY * self._robot.total_mass
+        poses = (qpos[:, :3], rotation.make_continuous(qpos[:, 3:7]), qpos[:, 7:])
+        return self._robot.clip(self._clip.name, CONTROL_HZ, *poses, contacts=contacts, forces=forces)
 
 
 class _Record:

@@ -150,7 +150,7 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
         robot: the robot of the clips; None for human clips
         most: most clips in the picture
     """
-    there = {clip for shard in previous.entry_shards for clip in shard.columns(["clip"])["clip"]}
+    there = {clip for (clip,) in previous.kept("clip")}
     found = stage.findings("clip", "seconds_in", "seconds_out")
     lost = [(_number(before) - _number(after), clip) for clip, before, after in found]
     families: dict[str, str] = {}

@@ -91,10 +91,7 @@ class LiveWalk:
         most = SLEW * self.control_s
         self.command = self.command + np.clip(self.goal - self.command, -most, most)
         state = plant.state()
-        reading = one.reads.read(state)
-        target = self._controller.targets(
-            reading.gyro_b, reading.gravity_b, self.command, reading.joint_pos, reading.joint_vel
-        )
+        target = self._controller.targets(one.reads.read(state), self.command)
         for _ in range(steps_of(one.task.control_hz, plant.timestep_s)):
             state = plant.state()
             pushed = self._push_left_s > 1e-9
@@ -110,16 +107,8 @@ class LiveWalk:
 
     def record(self) -> RobotClip:
         """All control steps since the last start."""
-        root_pos_w, root_quat_w, joint_pos = (np.array(rows) for rows in zip(*self._rows, strict=True))
-        return RobotClip(
-            name="walk",
-            fps=self.one.task.control_hz,
-            robot=self.one.robot.name,
-            joint_names=self.one.robot.joint_names,
-            root_pos_w=root_pos_w,
-            root_quat_w=root_quat_w,
-            joint_pos=joint_pos,
-        )
+        poses = (np.array(rows) for rows in zip(*self._rows, strict=True))
+        return self.one.robot.clip("walk", self.one.task.control_hz, *poses)
 
 
 def surface(

@@ -3,7 +3,6 @@
 A log has joints and the trunk's attitude; its path is from leg odometry, so it is right while a sole is on the ground.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,52 +17,36 @@ from pipeline.failures.find import find_failures
 from pipeline.failures.settings import FailureSettings
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.sim_to_real import simulated
-from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list, markdown_table
 from pipeline.hardware_logs import LogSettings, Trial, read_log
+from pipeline.project import Project
 from pipeline.readers.robot_log import root_poses
 from pipeline.readers.robot_motion import robots
-from pipeline.robot import Robot, load_robot
+from pipeline.robot import Robot
 from pipeline.viewing.playlist import Playlist, Shown
 
 RATE_HZ = 50.0
 SIMULATION = "simulation"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LogFiles:
-    """What a log is compared with."""
-
-    data: Path
-    """Folder of the settings, and of adapted robots."""
-    robots: Path
-    """Folder of the robots, with the policies that ship with them."""
-
-    def policies(self, robot: str) -> list[Path]:
-        """Networks that ship with a robot or were exported here."""
-        folders = (self.robots / robot / "policies", self.data / "policies" / robot / "exported")
-        return [path for folder in folders for path in sorted(folder.rglob("*.npz")) if path.name != "golden.npz"]
-
-
-def log_playlist(path: Path, files: LogFiles) -> Playlist:
+def log_playlist(path: Path, project: Project) -> Playlist:
     """The trials of a log, each with its simulation where the policy is at hand. Raises FileError for a refused log."""
-    values = settings.read(files.data / "hardware_logs.yaml", LogSettings)
+    values = project.read("hardware_logs.yaml", LogSettings)
     trials = {trial.name: trial for trial in read_log(path, robots(), values)}
     if not trials:
         raise FileError(path, "it holds no trial: nothing was recorded with joints and attitude.")
-    return Playlist(names=tuple(trials), load=lambda name: shown_trial(trials[name], files))
+    return Playlist(names=tuple(trials), load=lambda name: shown_trial(trials[name], project))
 
 
-def shown_trial(trial: Trial, files: LogFiles) -> Shown:
+def shown_trial(trial: Trial, project: Project) -> Shown:
     """A trial for display. Raises FileError for another robot's trial."""
-    if not (files.robots / trial.robot / "robot.toml").is_file():
+    if trial.robot not in project.robots:
         problem = f"its robot '{trial.robot}' is none of this project's."
         raise FileError(trial.name, problem, "Add its folder to robots/.")
-    robot = load_robot(files.robots / trial.robot)
-    actuators = _actuators(files, robot)
-    values = settings.read(files.data / "failures.yaml", FailureSettings)
-    report = find_failures(trial, robot, actuators, values)
-    path = find_policy(files.policies(trial.robot), trial.policy_digest or "")
+    robot = project.robot(trial.robot)
+    actuators = _actuators(project, robot)
+    report = find_failures(trial, robot, actuators, project.read("failures.yaml", FailureSettings))
+    path = find_policy(project.policy_files(trial.robot), trial.policy_digest or "")
     policy = load_policy(path) if path else None
     twin = None
     if policy is not None and np.isfinite(np.asarray(trial.command, dtype=float)).any():
@@ -95,23 +78,16 @@ def pose_clip(trial: Trial, robot: Robot) -> RobotClip:
         raise FileError(trial.name, "joints and attitude were never recorded together.")
     root_pos, root_quat = np.full((len(known), 3), np.nan), np.full((len(known), 4), np.nan)
     root_pos[frames], root_quat[frames] = root_poses(robot, rpy[frames], joint_pos[frames])
-    return RobotClip(
-        name=trial.name,
-        fps=trial.rate_hz / step,
-        robot=robot.name,
-        joint_names=robot.joint_names,
-        root_pos_w=root_pos,
-        root_quat_w=root_quat,
-        joint_pos=np.where(known[:, None], joint_pos, np.nan),
-    )
+    joint_pos = np.where(known[:, None], joint_pos, np.nan)
+    return robot.clip(trial.name, trial.rate_hz / step, root_pos, root_quat, joint_pos)
 
 
-def _actuators(files: LogFiles, robot: Robot) -> Sequence[JointActuator]:
+def _actuators(project: Project, robot: Robot) -> Sequence[JointActuator]:
     """The measured motors of the adapted robot; those of its model where none were measured."""
-    adapted = files.data / "adapted_robot" / robot.name
+    adapted = project.adapted_robot(robot.name)
     if (adapted / TABLE).is_file():
         return read_actuators(adapted)
-    return adapt(robot, (), settings.read(files.data / "actuators.yaml", ActuatorSettings))
+    return adapt(robot, (), project.read("actuators.yaml", ActuatorSettings))
 
 
 def _command_line(trial: Trial, time_s: float) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.deployment.controller import Reading
 from pipeline.deployment.task import DeploymentTask
 from pipeline.files import digest
 from pipeline.physics import GRAVITY
@@ -91,14 +92,7 @@ class ScriptedController:
         self.last_action: Float[np.ndarray, " a"] = np.zeros(len(self.task.policy_joints))
         self._tick = 0
 
-    def targets(
-        self,
-        gyro_b: Float[np.ndarray, " 3"],
-        gravity_b: Float[np.ndarray, " 3"],
-        command: Float[np.ndarray, " 3"],
-        joint_pos: Float[np.ndarray, " j"],
-        joint_vel: Float[np.ndarray, " j"],
-    ) -> Float[np.ndarray, " j"]:
+    def targets(self, reading: Reading, command: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " j"]:
         """Targets of this control step [rad]."""
         time_s = self._tick / self.task.control_hz
         self._tick += 1

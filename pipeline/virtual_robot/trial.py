@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.deployment.controller import Reading
 from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
@@ -41,19 +42,12 @@ class FallGuard:
         self.last_action: Float[np.ndarray, " a"] = self.inner.last_action
         self.fallen = False
 
-    def targets(
-        self,
-        gyro_b: Float[np.ndarray, " 3"],
-        gravity_b: Float[np.ndarray, " 3"],
-        command: Float[np.ndarray, " 3"],
-        joint_pos: Float[np.ndarray, " j"],
-        joint_vel: Float[np.ndarray, " j"],
-    ) -> Float[np.ndarray, " j"]:
+    def targets(self, reading: Reading, command: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " j"]:
         """The inner controller's targets; after a fall the current positions [rad]."""
-        self.fallen = self.fallen or float(gravity_b[2]) > -FALL_TILT_COS
+        self.fallen = self.fallen or float(reading.gravity_b[2]) > -FALL_TILT_COS
         if self.fallen:
-            return np.array(joint_pos)
-        targets = self.inner.targets(gyro_b, gravity_b, command, joint_pos, joint_vel)
+            return np.array(reading.joint_pos)
+        targets = self.inner.targets(reading, command)
         self.last_action = self.inner.last_action
         return targets
 

@@ -16,7 +16,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.append(str(HERE / "shims"))  # last: an installed jaxtyping takes precedence
 
-from pipeline.deployment import DeploymentTask, PolicyController, load_policy  # noqa: E402
+from pipeline.deployment import DeploymentTask, PolicyController, Reading, load_policy  # noqa: E402
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope  # noqa: E402
 
 SCHEMA = "booster-lab webots result 1"
@@ -42,14 +42,12 @@ class Devices:
         """[rad]"""
         return np.array([sensor.getValue() for sensor in self.sensors])
 
-    def gyro_b(self) -> np.ndarray:
-        """[rad/s]"""
-        return np.array(self.gyro.getValues())
-
-    def gravity_b(self) -> np.ndarray:
-        """Direction of gravity in the trunk's frame: minus the third row of its rotation matrix."""
+    def reading(self, joint_pos: np.ndarray, joint_vel: np.ndarray) -> Reading:
+        """What the controller is given; gravity in the trunk's frame is minus the third row of its rotation matrix."""
         x, y, z, w = self.imu.getQuaternion()
-        return -np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+        gravity_b = -np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+        gyro_b = np.array(self.gyro.getValues())
+        return Reading(gyro_b=gyro_b, gravity_b=gravity_b, joint_pos=joint_pos, joint_vel=joint_vel)
 
     def set_torque(self, torque: np.ndarray) -> None:
         for motor, value in zip(self.motors, torque, strict=True):
@@ -186,7 +184,7 @@ def walk(
         if tick % decimation == 0:
             command = plan.advance(time_s, decimation * timestep_s)
             if controller is not None:
-                targets = controller.targets(devices.gyro_b(), devices.gravity_b(), command, joint_pos, joint_vel)
+                targets = controller.targets(devices.reading(joint_pos, joint_vel), command)
         devices.set_torque(motors.torque(targets, joint_pos, joint_vel))
         tick += 1
     return tick * timestep_s

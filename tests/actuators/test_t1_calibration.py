@@ -19,7 +19,7 @@ from pipeline.actuators.calibrate import Calibration, calibrate
 from pipeline.actuators.folder import read_published
 from pipeline.actuators.motor_table import read_motors
 from pipeline.actuators.standing import read_standing_pose, stand
-from pipeline.actuators.synthesize import Drive, Sweep, drives, measurement_text
+from pipeline.actuators.synthesize import Curve, Sweep, drives, measurement_text
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.files import settings
 from pipeline.robot import Robot, load_robot
@@ -54,7 +54,7 @@ def folder(root: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def t1_drives(folder: Path) -> dict[str, Drive]:
+def t1_drives(folder: Path) -> dict[str, Curve]:
     return drives(load_robot("t1"), read_motors(folder / "motors.csv", SETTINGS.model), folder / "motors.csv")
 
 
@@ -84,7 +84,7 @@ def test_each_shipped_knee_is_within_1_5_percent_and_its_interval_holds_the_tabl
 @pytest.mark.parametrize("name", PAPER)
 def test_noise_free_curves_give_the_papers_table_to_its_digits(name: str, folder: Path, t1_drives):
     motor = next(each for each in read_motors(folder / "motors.csv", SETTINGS.model) if each.name == name)
-    text = measurement_text(name, t1_drives[name], sweep=Sweep(points=60, noise=0.0), sag=0.0)
+    text = measurement_text(name, dataclasses.replace(t1_drives[name], sag=0.0), Sweep(points=60, noise=0.0))
     knee = calibrate(text, f"{name}.csv", motor, SETTINGS).knee
     assert (round(knee.torque.value, 3), round(knee.speed.value, 3)) == PAPER[name]
 

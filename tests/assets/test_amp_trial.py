@@ -10,12 +10,12 @@ import pytest
 
 from assets import amp_policy, policy, resources, training_process
 from assets.plan import SHARED, robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.deployment import load_policy
 from pipeline.expert import ExpertEntry, write_database
 from pipeline.export.metadata import trained_task
+from pipeline.project import Project
 from tests.factories.robot_clips import standing, wandering
 from tests.factories.sweeps import SETTINGS
 
@@ -51,7 +51,7 @@ def project(tmp_path, root, robot, monkeypatch):
 
 def test_the_asset_trains_and_says_that_it_is_a_trial(project, robot):
     result = dg.materialize(
-        [amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        [amp_policy.amp_policy(TRAINED)],
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
     )
     (event,) = result.asset_materializations_for_node("t1__amp_policy")
@@ -79,7 +79,7 @@ def test_a_run_that_materializes_everything_trains_nothing(project):
         return 1
 
     result = dg.materialize(
-        [everything_else, amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        [everything_else, amp_policy.amp_policy(TRAINED)],
         resources={"io_manager": dg.mem_io_manager, "clip_pool": ClipPoolResource(workers=1)},
     )
     assert result.success

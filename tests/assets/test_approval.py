@@ -6,10 +6,10 @@ import pytest
 
 from assets.approved import PARTS, approved_part
 from assets.feedback import FeedbackPage
-from assets.project import Project
 from pipeline.errors import PipelineError
 from pipeline.feedback.approve import ApprovalError, approve_proposal, decline_proposal, take_back_sections
 from pipeline.feedback.approved import entries_of, write_entries
+from pipeline.project import Project
 from tests.factories.feedback_project import feedback_project, propose_into, two_falls
 from tests.factories.trial_reports import failure, proposal, report
 

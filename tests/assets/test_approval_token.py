@@ -5,7 +5,7 @@ import pytest
 
 import assets.approval
 from assets.approval import TokenError, approve_feedback, ensure_token, take_back_feedback, use_token
-from assets.project import Project
+from pipeline.project import Project
 from tests.factories.feedback_project import feedback_project, propose_into, two_falls
 
 

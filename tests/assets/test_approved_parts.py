@@ -17,11 +17,11 @@ from assets.approved import (
 )
 from assets.bootstrap import made_for, upstream
 from assets.plan import Plan, robot_plans
-from assets.project import Project
 from assets.reference_motions import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import SettingsError
 from pipeline.feedback.approved import EMPTY, entries_of, noting, write_entries
+from pipeline.project import Project
 from tests.factories.feedback_project import feedback_project
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
@@ -102,8 +102,7 @@ def test_a_limit_written_by_hand_is_held_against_the_calibrated_one(root, tmp_pa
     write_entries(project.feedback.approved, entries_of(motors, "x", "a person"))
     assert len(approved_part(project, "motors", "t1")) == 1, "the rules alone can't tell"
     monkeypatch.setattr(actuators, "PROJECT", project)
-    plans = robot_plans("t1")
-    asset = actuators.adapted_robot(plans["adapted_robot"], plans["actuator_calibration"], plans["robot_model"])
+    asset = actuators.adapted_robot(robot_plans("t1")["adapted_robot"])
     nothing = Manifest(stage="actuator_calibration", entries=(), judged=(), settings={})
     with pytest.raises(dg.Failure, match=says):
         asset(actuator_calibration=nothing, robot_model=nothing)

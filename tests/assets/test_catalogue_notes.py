@@ -6,8 +6,8 @@ import dagster as dg
 import pytest
 
 from assets import motions
-from assets.project import Project
 from assets.resources import ClipPoolResource
+from pipeline.project import Project
 from tests.factories import motion_files as files
 
 SOURCES = """\

@@ -13,12 +13,12 @@ from assets import motions
 from assets.approved import approved_part
 from assets.database_checks import COVERED, _every_skill
 from assets.plan import Plan
-from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, run_stage
 from pipeline.feedback.approved import entries_of, heard, part_version, write_entries
 from pipeline.feedback.windows import BOUNDS, chosen_windows, short_of_wanted
 from pipeline.files import settings
+from pipeline.project import Project
 from pipeline.selection import Curation, process
 from tests.factories.feedback_project import feedback_project
 from tests.factories.human_clips import walker

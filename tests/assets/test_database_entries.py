@@ -1,8 +1,8 @@
 """What the asset of the database hands to its writer."""
 
 from assets import database
-from assets.project import Project
 from pipeline.batch import Entry, Manifest
+from pipeline.project import Project
 from tests.factories.robot_clips import standing
 
 

@@ -9,10 +9,10 @@ from assets import database, policy
 from assets.database import dataset_exports as export_assets
 from assets.freshness import stored_version
 from assets.plan import EXPORTS, SHARED, robot_plans
-from assets.project import Project
 from pipeline.dataset_export import FORMATS
 from pipeline.expert import ExpertEntry, write_database
 from pipeline.expert.dataset_card import STAGES
+from pipeline.project import Project
 from pipeline.readers import read_motion
 from tests.factories.robot_clips import wandering
 

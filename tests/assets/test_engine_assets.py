@@ -11,10 +11,10 @@ import yaml
 
 from assets import limit_cycles, policy, validation
 from assets.plan import robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import deployment_task, digest
+from pipeline.project import Project
 from pipeline.robot import Robot
 from tests.factories.policies import still_policy
 
@@ -61,7 +61,7 @@ def test_cross_engine_tells_reasons_and_why_a_cell_is_not_required_and_writes_wh
     old.parent.mkdir(parents=True)
     old.write_bytes(b"old")
     plan = PLANS["cross_engine_validation"]
-    result = ran(validation.cross_engine_validation(plan, EXPORTED, ADAPTED))
+    result = ran(validation.cross_engine_validation(plan))
     said = result.output_for_node("cross_engine_validation").settings[policy.VERDICT]
     assert (said["passed"], said["policy"]) == (False, digest(still_policy(deployment_task(robot))))
     assert any("asked is at most 0.1" in reason or "fell after" in reason for reason in said["reasons"])
@@ -78,7 +78,7 @@ def test_cross_engine_tells_reasons_and_why_a_cell_is_not_required_and_writes_wh
 
 
 def test_limit_cycles_hold_the_required_speed_to_the_bars_of_the_file(project: Project):
-    result = ran(limit_cycles.limit_cycles(PLANS["limit_cycles"], EXPORTED, ADAPTED, None))
+    result = ran(limit_cycles.limit_cycles(PLANS["limit_cycles"]))
     said = result.output_for_node("limit_cycles").settings[limit_cycles.VERDICT]
     assert said["passed"] is False
     assert said["reasons"]

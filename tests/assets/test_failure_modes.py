@@ -7,10 +7,10 @@ import dagster as dg
 import pytest
 
 from assets import failure_modes
-from assets.project import Project
 from pipeline.batch import Manifest, Store
 from pipeline.failures.trial_report import NOTED, TrialReport
 from pipeline.hardware_logs.missed_bars import MissedBar
+from pipeline.project import Project
 from tests.factories.log_trials import ROOT, trials_in, write_trial
 
 

@@ -6,13 +6,13 @@ import dagster as dg
 import pytest
 
 from assets import feedback
-from assets.project import Project
 from assets.sensors import MAX_FAILURES, page_request, renew_feedback_page
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.approved import entries_of, write_entries
 from pipeline.files import settings
+from pipeline.project import Project
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
 NOBODY = ("required: true", "required: false")

@@ -8,8 +8,8 @@ import pytest
 from assets.definitions import defs
 from assets.freshness import topological
 from assets.plan import EXPORTS, group_of, plans
-from assets.project import PROJECT
 from assets.robot_motions import robot_assets
+from pipeline.project import PROJECT
 
 LINEAGE = {
     "raw_motions": set(),
@@ -158,7 +158,7 @@ def test_topological_order_puts_parents_first():
 def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, tmp_path, root):
     import shutil
 
-    from assets.project import Project
+    from pipeline.project import Project
 
     for folder in ("data", "robots"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
@@ -196,8 +196,8 @@ def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(fil
 
     import yaml
 
-    from assets.project import Project
     from pipeline.files.settings import read_yaml
+    from pipeline.project import Project
 
     for folder in ("data", "robots"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))

@@ -18,12 +18,12 @@ import assets.sensors
 from assets.bootstrap import assets_of
 from assets.hardware import IngestedLogs, hardware_logs, hardware_trials, ingest_folder, logs_version, trials_of
 from assets.plan import TRIALS
-from assets.project import Project
 from assets.resources import StoreIOManager
 from assets.runs import alive
 from assets.sensors import hardware_log_sensor, ingest_logs
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes, read_trial
+from pipeline.project import Project
 from tests.factories.robot_logs import POLICY, START_NS, every, low_states, robot_log
 
 LONG_AGO_S = 3_600.0

@@ -13,12 +13,12 @@ import yaml
 
 from assets import failure_modes, feedback, limit_cycles, policy, resources, validation
 from assets.plan import robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.batch import Manifest
 from pipeline.deployment import digest, load_policy, save_policy
 from pipeline.export.folder import Source, export_policy
 from pipeline.failures.trial_report import TrialReport
+from pipeline.project import Project
 from pipeline.robot import Robot, load_robot
 from pipeline.validation import suites
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT
@@ -67,12 +67,12 @@ def test_a_policy_put_in_place_is_exported_and_validated_in_both_engines(project
     named = PLANS["mujoco_validation"]
     result = dg.materialize(
         [
-            policy.exported_policy(EXPORTED, TRAINED, PLANS["robot_model"]),
+            policy.exported_policy(EXPORTED),
             dg.AssetSpec(ADAPTED.key),
             dg.AssetSpec(TRAINED.key),
             dg.AssetSpec(PLANS["robot_model"].key),
-            validation.mujoco_validation(named, EXPORTED, ADAPTED),
-            validation.cross_engine_validation(PLANS["cross_engine_validation"], EXPORTED, ADAPTED),
+            validation.mujoco_validation(named),
+            validation.cross_engine_validation(PLANS["cross_engine_validation"]),
         ],
         resources={
             "clip_pool": ClipPoolResource(workers=1),
@@ -110,7 +110,7 @@ def test_a_robot_without_required_speeds_says_that_nothing_was_shown(project: Pr
         [
             exported_policy,
             dg.AssetSpec(ADAPTED.key),
-            limit_cycles.limit_cycles(PLANS["limit_cycles"], EXPORTED, ADAPTED, None),
+            limit_cycles.limit_cycles(PLANS["limit_cycles"]),
         ],
         resources={"io_manager": dg.mem_io_manager},
         run_config=config,

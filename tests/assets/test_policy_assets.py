@@ -14,10 +14,10 @@ from assets.bootstrap import _parents, made_for, upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
 from assets.plan import digest_of_robot, plans, robot_plans
-from assets.project import PROJECT, Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.batch import Manifest
 from pipeline.export.folder import Source, export_policy
+from pipeline.project import PROJECT, Project
 from tests.factories.networks import network_file
 from tests.factories.training_stand_in import write_training_stand_in
 
@@ -80,7 +80,7 @@ def trained(project, robot, *, trial, licence=FREE, store=True):
 def export(instance=None, **config):
     """Materialize `exported_policy`; what came of it."""
     return dg.materialize(
-        [policy.exported_policy(EXPORTED, TRAINED, MODEL)],
+        [policy.exported_policy(EXPORTED)],
         resources={"io_manager": StoreIOManager(bootstrap=False)},
         run_config={"ops": {"exported_policy": {"config": config}}},
         instance=instance,
@@ -224,7 +224,7 @@ def test_nothing_starts_a_training():
 def test_a_trial_runs_without_a_gpu_and_says_what_it_is(project, robot, monkeypatch):
     monkeypatch.setattr(amp_policy, "bundle_of", lambda *_: bundle(project, robot))
     result = dg.materialize(
-        [amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        [amp_policy.amp_policy(TRAINED)],
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
         raise_on_error=False,
     )

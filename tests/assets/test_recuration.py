@@ -8,7 +8,6 @@ import pytest
 
 from assets import runs, sensors
 from assets.approved import PARTS, SHARED_PARTS, approved_part
-from assets.project import Project
 from assets.runs import alive
 from assets.sensors import (
     APPROVED_TAG,
@@ -23,6 +22,7 @@ from pipeline.batch import Manifest
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.approved import noting
 from pipeline.feedback.change import proposal_digest
+from pipeline.project import Project
 from tests.factories.feedback_project import feedback_project, note_materialized, propose_into, two_falls
 from tests.factories.trial_reports import proposal
 

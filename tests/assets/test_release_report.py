@@ -10,10 +10,10 @@ from PIL import Image
 
 from assets import release
 from assets.plan import RELEASED, Plan
-from assets.project import Project
 from assets.report import picture
 from pipeline.batch import Manifest
 from pipeline.export.folder import Source, export_policy
+from pipeline.project import Project
 from pipeline.release.dossier import Status
 from pipeline.release.page import page
 from tests.factories.networks import network_file

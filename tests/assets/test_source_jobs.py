@@ -8,10 +8,10 @@ import pytest
 from assets import bootstrap, source_jobs
 from assets.bootstrap import work_again
 from assets.plan import SHARED, plans, robot_plans
-from assets.project import PROJECT
 from assets.source_jobs import rerun_source
 from assets.sources import SOURCES_NAME, note_sources
 from pipeline.batch.again import clips_again
+from pipeline.project import PROJECT
 
 LOG = logging.getLogger("test")
 

@@ -9,9 +9,9 @@ import pytest
 
 from assets import amp_policy, resources
 from assets.amp_policy import train_beside_others
-from assets.project import Project
 from assets.resources import _one_run_at_a_time, store_left_to_others
 from assets.training_process import TrainingFailedError
+from pipeline.project import Project
 
 LOG = logging.getLogger("store")
 

@@ -12,11 +12,11 @@ import pytest
 
 from assets import bootstrap, definitions, freshness, resources, tracker_choice, tracking_policy, training_process
 from assets.plan import SHARED, plans, robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.training_process import TrainingFailedError
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.batch import Entry, Manifest
+from pipeline.project import Project
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main
 from pipeline.tracking.tracker import load_tracker
@@ -47,9 +47,7 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch) -> Project:
 
 def materialized(**config: Any) -> dict[str, Any]:
     """Metadata of the asset materialized alone, with what is stored of its inputs."""
-    made = tracking_policy.tracking_policy(
-        *(PLANS[n] for n in ("tracking_policy", "reference_motions", "adapted_robot"))
-    )
+    made = tracking_policy.tracking_policy(PLANS["tracking_policy"])
     result = dg.materialize(
         [made, *(dg.AssetSpec(PLANS[name].key) for name in ("reference_motions", "adapted_robot"))],
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},

@@ -8,10 +8,10 @@ import pytest
 
 from assets import policy, validation
 from assets.plan import robot_plans
-from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import deployment_task, digest
+from pipeline.project import Project
 from pipeline.robot import Robot
 from pipeline.validation import suites
 from tests.factories.policies import still_policy
@@ -54,7 +54,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
         [
             exported_policy,
             dg.AssetSpec(ADAPTED.key),
-            validation.mujoco_validation(PLANS["mujoco_validation"], EXPORTED, ADAPTED),
+            validation.mujoco_validation(PLANS["mujoco_validation"]),
         ],
         resources={"clip_pool": ClipPoolResource(workers=1), "io_manager": dg.mem_io_manager},
     )

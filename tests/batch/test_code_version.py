@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from assets.plan import plans
-from assets.project import Project
 from pipeline.batch import code_version as module
 from pipeline.batch.code_version import BELOW_ALL_STAGES, LIBRARIES, OWN_LIBRARIES, code_version
+from pipeline.project import Project
 
 NAMES = {"torch": "torch", "onnx": "onnx", "onnxruntime": "onnxruntime", "dartpy": "dartpy", "mjlab": "mjlab"}
 NAMES |= {"rsl_rl": "rsl-rl-lib", "mujoco_warp": "mujoco-warp", "warp": "warp-lang", "mujoco": "mujoco"}

@@ -88,3 +88,29 @@ def test_windows_of_a_clip_that_cannot_be_prepared_are_rejected_each_by_its_name
         "clip 'long@0-1': is below the ground.",
         "clip 'long@1-2': is below the ground.",
     ]
+
+
+def passed_on(clip, numbers, prepared=None):
+    """The clip as it is, twice, and a copy of it that is lifted by the number of its window."""
+    lifted = clip.root_pos_w + np.array([0.0, 0.0, numbers["first"]])
+    clips = [dataclasses.replace(clip, name=f"{clip.name}+{index}") for index in range(2)]
+    clips.append(dataclasses.replace(clip, name=f"{clip.name}+2", root_pos_w=lifted))
+    return Outcome(pieces=tuple(Piece(clip=each) for each in clips))
+
+
+def test_a_motion_passed_as_it_is_keeps_the_blob_that_encoding_gives(tmp_path, monkeypatch):
+    store, before = Store(root=tmp_path), windows(Store(root=tmp_path))
+    expected = [
+        store.put_clip(piece.clip)
+        for entry in before.entries
+        for piece in passed_on(store.get_clip(entry.blob, entry.clip), entry.numbers).pieces
+    ]
+    calls = []
+    for name in ("put_clip", "get_clip"):
+        own = getattr(Store, name)
+        monkeypatch.setattr(Store, name, lambda *given, own=own, name=name: calls.append(name) or own(*given))
+    passing = Stage(name="pass", version="1", function=passed_on, prepare=mean_height)
+    found = run_stage(passing, before, store, HERE, LOG)
+    assert [entry.blob for entry in found.entries] == expected
+    assert calls.count("get_clip") == len(WINDOWS)  # once for all windows of a clip
+    assert calls.count("put_clip") == sum(WINDOWS.values())  # of three pieces only the lifted one

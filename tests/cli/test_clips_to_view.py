@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pipeline.batch import Entry, Judged, Manifest
-from pipeline.cli.project import Project
 from pipeline.cli.view_command import clips_to_view
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert.write import ExpertEntry, encode_clip
+from pipeline.project import Project
 from pipeline.readers import NOTHING_STATED
 from tests.factories.figures import gliding_human, standing_robot
 

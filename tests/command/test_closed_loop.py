@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from assets.project import Project
 from pipeline.actuators.adapted_robot import read_actuators
 from pipeline.batch import Store
 from pipeline.feasibility import CommandSettings
@@ -22,6 +21,7 @@ from pipeline.feedback.approve import approve_proposal
 from pipeline.feedback.cell_weights import cell_parts
 from pipeline.files import digest, settings
 from pipeline.hardware_logs.log_folder import QUIET_S
+from pipeline.project import Project
 from tests.factories.checkout import PATIENCE_S, Checkout
 from tests.factories.daemon_records import ProcessorTime, runs_of, ticks_of
 from tests.factories.feedback_project import propose_into

@@ -8,7 +8,7 @@ import signal
 
 import pytest
 
-from pipeline.actuators.synthesize import Drive, measurement_text
+from pipeline.actuators.synthesize import SAG, Curve, measurement_text
 from pipeline.expert import read_database
 from tests.factories.checkout import ASSETS, Checkout
 
@@ -206,7 +206,7 @@ def test_a_measurement_changed_calibrates_its_motor_and_remakes_what_depends_on_
     before, database = materialized.counts(), materialized.database()
     path = materialized.root / "data/actuators/t1/knee.csv"
     text = path.read_text()
-    weak = Drive(knee_torque=40.0, knee_speed=12.57, source="a weaker knee")
+    weak = Curve(knee_torque=40.0, knee_speed=12.57, sag=SAG, source="a weaker knee")
     path.write_text(measurement_text("knee", weak))
     materialized.materialize()
     assert made_since(materialized, before).keys() - {"tracking_policy"} == {

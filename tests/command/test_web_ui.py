@@ -8,8 +8,8 @@ import socket
 import pytest
 
 from assets.definitions import defs
-from pipeline.cli.project import find_project
 from pipeline.cli.view_command import clips_to_view
+from pipeline.project import find_project
 from pipeline.readers import Statement
 from pipeline.viewing.viewer import Viewer
 from tests.factories.browser import WAIT_S, chromium, listening

@@ -12,7 +12,7 @@ from pipeline.expert import DatabaseError
 from pipeline.files.ranges import RangeError
 from pipeline.hardware_logs import LogError
 from pipeline.readers.remembered import RememberedSource, SourceLostError
-from pipeline.robot.robot_error import Fault, RobotError
+from pipeline.robot.robot_error import RobotError
 
 LOST = RememberedSource(name="takes", folder="/mocap", named_in="BOOSTER_LAB_MOTIONS", files=3)
 ERRORS = [
@@ -25,7 +25,7 @@ ERRORS = [
     RangeError([("low", "is 3, allowed is at most 2")]),
     DatabaseError(Path("/db"), ["a.json: is missing"]),
     LogError("/x.mcap", "it is broken", "Copy it again.", offset=12, recovered=34),
-    RobotError([Fault(path=Path("/robot.toml"), problem="it is broken.", do="Mend it.", line=2)]),
+    RobotError([FileError(Path("/robot.toml"), "it is broken.", "Mend it.", 2)]),
     SourceLostError(Path("/sources.json"), [(LOST, "is not a folder any more")]),
 ]
 """One of each signature."""
@@ -49,7 +49,7 @@ def test_an_error_survives_pickling_with_text_and_facts(error):
     back = pickle.loads(pickle.dumps(error))  # noqa: S301, made in this test
     assert type(back) is type(error)
     assert str(back) == str(error)
-    assert vars(back) == vars(error)
+    assert repr(vars(back)) == repr(vars(error)), "errors among the facts are equal where their texts are"
 
 
 def test_every_class_survives_whatever_its_arguments_are():

@@ -63,10 +63,10 @@ def state_after_the_run(client):
 
 
 def test_a_clip_takes_all_that_it_was_made_from_with_it_and_nothing_else(table):
-    rerun = rerun_of(table, [made.KEPT], "t1", "expert_db")
+    rerun = rerun_of(table, [made.KEPT], "t1")
     assert set(rerun.names) == {made.RECORDING, made.WINDOW, f"{made.WINDOW}~mirror", made.KEPT}
     assert rerun.assets[0] == "motion_catalog" and rerun.assets[-2:] == ("feasible_motions", "expert_db")
-    assert rerun_of(table, [made.KEPT], "k1", "k1/expert_db").assets[2:4] == (
+    assert rerun_of(table, [made.KEPT], "k1").assets[2:4] == (
         "repaired_motions",
         "k1/retargeted_motions",
     )
@@ -74,13 +74,13 @@ def test_a_clip_takes_all_that_it_was_made_from_with_it_and_nothing_else(table):
 
 @pytest.mark.parametrize("clip", [made.SKATING, made.NOT_TAKEN])
 def test_a_rejected_clip_is_worked_on_again_too(table, clip):
-    names = rerun_of(table, [clip], "t1", "expert_db").names
+    names = rerun_of(table, [clip], "t1").names
     assert clip.partition("@")[0] in names
 
 
 def test_the_outcome_tells_same_changed_and_gone_apart(folder, table):
     store = Store(root=folder / "data/store")
-    rerun = rerun_of(table, [made.KEPT, made.SLIPPING, made.NOT_TAKEN], "t1", "expert_db")
+    rerun = rerun_of(table, [made.KEPT, made.SLIPPING, made.NOT_TAKEN], "t1")
     assert rerun.outcome(table)["unchanged"]["count"] == 3
     feasible, selected = store.load("feasible_motions"), store.load("selected_motions")
     store.save("feasible_motions", feasible.without({made.KEPT: made.reason("x", "falls now")}))
@@ -93,7 +93,7 @@ def test_the_outcome_tells_same_changed_and_gone_apart(folder, table):
 @pytest.mark.parametrize(("clips", "match"), [(["nobody"], "no clip 'nobody'"), ([], "no clip is named")])
 def test_only_clips_of_the_table_are_run_again(client, table, clips, match):
     with pytest.raises(PipelineError, match=match):
-        rerun_of(table, clips, "t1", "expert_db")
+        rerun_of(table, clips, "t1")
     answer = post(client, "rerun", {"clips": clips})
     assert answer.status_code == 404 and match in answer.json()["error"]
     assert client.get("/api/state").json()["run"] == 0

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.deployment import PolicyController, digest, load_policy, save_policy
+from pipeline.deployment import PolicyController, Reading, digest, load_policy, save_policy
 from pipeline.errors import FileError, SettingsError, UnknownNameError
 from pipeline.expert.licence import LicenceClass
 from pipeline.export.__main__ import main
@@ -146,13 +146,13 @@ def test_golden_vectors_are_what_the_controller_does(export):
     assert len(golden.command) == 50
     controller = PolicyController(export.task, export.policy)
     for step in range(50):
-        targets = controller.targets(
-            golden.gyro_b[step],
-            golden.gravity_b[step],
-            golden.command[step],
-            golden.joint_pos[step],
-            golden.joint_vel[step],
+        reading = Reading(
+            gyro_b=golden.gyro_b[step],
+            gravity_b=golden.gravity_b[step],
+            joint_pos=golden.joint_pos[step],
+            joint_vel=golden.joint_vel[step],
         )
+        targets = controller.targets(reading, golden.command[step])
         np.testing.assert_array_equal(targets, golden.targets[step])
         np.testing.assert_array_equal(controller.observation, golden.observation[step])
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.deployment import Policy
+from pipeline.deployment import Policy, Reading
 from pipeline.simulation.plant import PlantState
-from pipeline.simulation.sensors import PerfectSensors, Reading
+from pipeline.simulation.sensors import PerfectSensors
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import Deployed
 

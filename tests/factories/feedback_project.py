@@ -7,11 +7,11 @@ import dagster as dg
 from assets.approved import approved_versions
 from assets.freshness import INPUT_VERSION_PREFIX
 from assets.plan import FIELD
-from assets.project import Project
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.change import proposal_digest
 from pipeline.files import settings
+from pipeline.project import Project
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
 HEEDING = ("selected_motions", "motion_variants", "feasible_motions", "adapted_robot")

@@ -16,7 +16,6 @@ from pathlib import Path
 
 from assets.hardware import ingest_folder
 from assets.plan import TRIALS
-from assets.project import Project
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Manifest
@@ -27,6 +26,7 @@ from pipeline.feedback.approve import approve_proposal
 from pipeline.feedback.change import proposal_digest
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes
+from pipeline.project import Project
 from pipeline.robot import load_robot
 from tests.factories.feedback_project import feedback_project, propose_into, two_falls
 from tests.factories.robot_clips import wandering

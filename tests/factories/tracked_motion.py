@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.deployment.controller import Reading
 from pipeline.deployment.task import DeploymentTask, deployment_task
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
@@ -39,14 +40,7 @@ class Follower:
         self._frame = 0
         self.last_action = np.zeros(len(self.task.policy_joints))
 
-    def targets(
-        self,
-        gyro_b: np.ndarray,
-        gravity_b: np.ndarray,
-        command: np.ndarray,
-        joint_pos: np.ndarray,
-        joint_vel: np.ndarray,
-    ) -> np.ndarray:
+    def targets(self, reading: Reading, command: np.ndarray) -> np.ndarray:
         target = self._reference.joint_pos[min(self._frame, self._reference.frame_count - 1)]
         self._frame += 1
         return target

@@ -12,7 +12,6 @@ import torch
 
 from assets.hardware import ingest_folder
 from assets.plan import TRIALS
-from assets.project import Project
 from pipeline.cli import main as command
 from pipeline.errors import FileError
 from pipeline.files import settings
@@ -21,6 +20,7 @@ from pipeline.hardware_logs import LogSettings, mcap_reader
 from pipeline.hardware_logs.decode import JointCount, TopicDecoder
 from pipeline.hardware_logs.mcap_records import Channel, Schema
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
+from pipeline.project import Project
 from pipeline.readers.restricted_pickle import load_pickle, load_torch
 from tests.factories.interrupted import WORKS
 

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.augment import AugmentSettings
@@ -15,7 +16,8 @@ from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
 from pipeline.feasibility import FeasibilitySettings, criteria_table, image, process
-from pipeline.feasibility.evaluated import ResultsOfPieces, with_evaluated, without_evaluated
+from pipeline.feasibility.criteria_table import with_origins
+from pipeline.feasibility.evaluated import criteria_of_pieces, together, with_evaluated, without_evaluated
 from pipeline.feasibility.image import LastAssessed, is_image, nothing_assessed, pair
 from pipeline.feasibility.judgement import NUMBER, from_text
 from pipeline.files import settings
@@ -30,7 +32,7 @@ from tests.factories.policy_walks import steady_command
 from tests.factories.robot_clips import standing, wandering
 
 FILE = ROOT / "data" / "feasibility.yaml"
-LIMITS = settings.read(FILE, FeasibilitySettings)
+LIMITS, ORIGINS = settings.read(FILE, FeasibilitySettings), origins(settings.read_yaml(FILE))
 T1 = load_robot(ROOT / "robots/t1")
 HERE, LOG = ClipPool(backend="sequential"), logging.getLogger("test")
 SAME_FIGURE = 1e-7
@@ -174,20 +176,19 @@ def test_rollouts_are_evaluated_by_themselves(robot: Robot):
 def test_what_left_kp5_has_the_same_results_without_a_second_evaluation(robot: Robot, tmp_path: Path):
     store = Store(root=tmp_path)
     references = run_stage(kp5("reference_motions", robot), variants(store, robot), store, HERE, LOG)
-    references, criteria = criteria_table.split(references, origins(settings.read_yaml(FILE)))
+    references, criteria = criteria_table.split(references, ORIGINS)
     assert {entry.clip for entry in references.entries} >= {"walk", "walk~mirror", "bent+0", "bent~mirror+1"}
     stage = kp5("feasible_motions", robot)
-    again = run_stage(stage, references, store, HERE, LOG)
-    results = ResultsOfPieces(criteria)
-    rest, known = without_evaluated(references, stage, results)
-    assert not rest.entries and len(known) == len(references.entries)
-    found = with_evaluated(run_stage(stage, rest, store, HERE, LOG), stage, known, results)
-    assert found.to_text() == again.to_text()
-    assert found.recomputed == 0
-    some = {clip: results[clip] for clip in sorted(results)[::2]}
-    rest, known = without_evaluated(references, stage, some)
-    assert rest.entries and known
-    assert with_evaluated(run_stage(stage, rest, store, HERE, LOG), stage, known, some).to_text() == again.to_text()
+    expected, rows = criteria_table.split(run_stage(stage, references, store, HERE, LOG), ORIGINS)
+    names = [entry.clip for entry in references.entries]
+    for at_hand in (names, names[::2]):
+        rest, known = without_evaluated(references, stage, at_hand)
+        assert [entry.clip for entry in known] == at_hand and len(rest.entries) == len(names) - len(at_hand)
+        own = with_origins(criteria_of_pieces(criteria, known), ORIGINS)
+        found, others = criteria_table.split(run_stage(stage, rest, store, HERE, LOG), ORIGINS)
+        found = with_evaluated(found, stage, known)
+        assert found.to_text() == expected.to_text()
+        pd.testing.assert_frame_equal(together([others, own]), rows)
 
 
 def test_other_thresholds_or_another_robot_evaluate_again(robot: Robot, tmp_path: Path):
@@ -197,10 +198,8 @@ def test_other_thresholds_or_another_robot_evaluate_again(robot: Robot, tmp_path
     )
     stage = kp5("reference_motions", robot)
     references = run_stage(stage, before, store, HERE, LOG)
-    references, criteria = criteria_table.split(references, origins(settings.read_yaml(FILE)))
-    results = ResultsOfPieces(criteria)
-    assert len(without_evaluated(references, stage, results)[1]) == 1
+    assert len(without_evaluated(references, stage, ["still"])[1]) == 1
     for other in ({"version": "2"}, {"settings": {}}, {"depends": {"robot_files": "other"}}):
-        rest, known = without_evaluated(references, dataclasses.replace(stage, **other), results)
+        rest, known = without_evaluated(references, dataclasses.replace(stage, **other), ["still"])
         assert len(rest.entries) == 1 and not known
-    assert not without_evaluated(references, stage, {})[1]
+    assert not without_evaluated(references, stage, [])[1]

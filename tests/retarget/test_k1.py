@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.cli.chain import Chain
-from pipeline.cli.project import Project
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.project import Project
 from pipeline.readers import Statement
 from pipeline.robot import Robot, load_robot
 

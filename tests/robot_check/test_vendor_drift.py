@@ -60,7 +60,7 @@ def test_a_motion_exported_under_the_newer_names_is_the_same_motion_when_read(
 ):
     """Through the files of both namings, read as recordings of the T1."""
     from pipeline.cli.chain import Chain
-    from pipeline.cli.project import Project
+    from pipeline.project import Project
     from pipeline.readers import Statement
 
     monkeypatch.chdir(root)

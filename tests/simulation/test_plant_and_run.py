@@ -169,8 +169,8 @@ class _Told:
     def reset(self) -> None:
         self.told = []
 
-    def targets(self, gyro_b, gravity_b, command, joint_pos, joint_vel) -> np.ndarray:
-        self.told.append((gyro_b, gravity_b, command, joint_pos, joint_vel))
+    def targets(self, reading, command) -> np.ndarray:
+        self.told.append((reading, command))
         return self.task.default_joint_pos.copy()
 
 
@@ -181,12 +181,12 @@ def test_the_controller_is_told_gyro_and_gravity_in_the_robots_frame(robot: Robo
     )
     told = _Told(deployment_task(robot))
     run(robot, MujocoPlant(robot), told, _motors(robot), lambda time_s: np.array([time_s, 0.0, 0.0]), 0.06, start=start)
-    gyro_b, gravity_b, _, joint_pos, joint_vel = told.told[0]
-    np.testing.assert_allclose(gyro_b, [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(gravity_b, [np.sin(0.3), 0.0, -np.cos(0.3)], atol=1e-12)
-    np.testing.assert_allclose(joint_pos, robot.default_joint_pos)
-    np.testing.assert_allclose(joint_vel, np.arange(23.0) / 100.0)
-    np.testing.assert_allclose([each[2][0] for each in told.told], [0.0, 0.02, 0.04])
+    reading, _ = told.told[0]
+    np.testing.assert_allclose(reading.gyro_b, [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(reading.gravity_b, [np.sin(0.3), 0.0, -np.cos(0.3)], atol=1e-12)
+    np.testing.assert_allclose(reading.joint_pos, robot.default_joint_pos)
+    np.testing.assert_allclose(reading.joint_vel, np.arange(23.0) / 100.0)
+    np.testing.assert_allclose([command[0] for _, command in told.told], [0.0, 0.02, 0.04])
 
 
 def test_noise_stays_in_its_width_and_comes_from_its_generator(robot: Robot):

@@ -12,7 +12,7 @@ from mjlab.utils.lab_api.math import quat_apply_inverse
 from tensordict import TensorDict
 
 from pipeline.deployment import deployment_task
-from pipeline.deployment.controller import History, frame
+from pipeline.deployment.controller import History, Reading, frame
 from pipeline.expert.frames import expert_frames
 from pipeline.learning.policy_file import Network
 from pipeline.training.amp.features import frame_features
@@ -109,15 +109,13 @@ def test_the_observation_is_the_deployments(env, robot):
 
 def _frame(env, task, last):
     read = env.robot_state
-    return frame(
-        task,
+    reading = Reading(
         gyro_b=read.ang_vel_b[0].double().numpy(),
         gravity_b=read.gravity_b[0].double().numpy(),
-        command=env.command[0].double().numpy(),
         joint_pos=read.joint_pos[0].double().numpy(),
         joint_vel=read.joint_vel[0].double().numpy(),
-        last_action=last.astype(float),
     )
+    return frame(task, reading, env.command[0].double().numpy(), last.astype(float))
 
 
 def test_actions_are_targets_of_a_quarter_radian_in_the_networks_order(env, robot):

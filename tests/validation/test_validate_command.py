@@ -41,7 +41,7 @@ def _bars(monkeypatch: pytest.MonkeyPatch, at_least: float) -> None:
         found = read_validation(project.root / "data" / "validation.yaml", robot_file)
         return dataclasses.replace(found, cells={CELL: bars})
 
-    monkeypatch.setattr("pipeline.cli.project.Project.validation", read)
+    monkeypatch.setattr("pipeline.project.Project.validation", read)
 
 
 @pytest.mark.usefixtures("one_push")

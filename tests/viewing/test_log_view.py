@@ -3,19 +3,18 @@
 import numpy as np
 import pytest
 
-from pipeline.cli.project import Project
 from pipeline.cli.view_command import clips_to_view
 from pipeline.errors import FileError
+from pipeline.project import Project
 from pipeline.readers import NOTHING_STATED
 from pipeline.robot import Kinematics
-from pipeline.viewing.log_view import LogFiles, log_playlist
+from pipeline.viewing.log_view import log_playlist
 from pipeline.viewing.viewer import Viewer
 
 
 @pytest.fixture(scope="module")
 def fall(root):
-    files = LogFiles(data=root / "data", robots=root / "robots")
-    playlist = log_playlist(root / "data/hardware_logs/demo/side_left_fall.mcap", files)
+    playlist = log_playlist(root / "data/hardware_logs/demo/side_left_fall.mcap", Project(root))
     return playlist.load(playlist.names[0])
 
 
@@ -56,7 +55,7 @@ def test_the_simulation_of_the_same_command_is_beside_the_log(root, tmp_path, ro
 def test_a_file_that_is_no_log_is_refused(root, tmp_path):
     (tmp_path / "no.mcap").write_bytes(b"no log")
     with pytest.raises(FileError):
-        log_playlist(tmp_path / "no.mcap", LogFiles(data=root / "data", robots=root / "robots"))
+        log_playlist(tmp_path / "no.mcap", Project(root))
 
 
 def test_the_viewer_jumps_to_a_mark_and_shows_the_command(fall):

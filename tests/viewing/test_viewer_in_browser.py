@@ -6,9 +6,9 @@ import socket
 
 import pytest
 
-from pipeline.cli.project import find_project
 from pipeline.cli.view_command import clips_to_view
 from pipeline.expert import DatabaseSettings, ExpertEntry, write_database
+from pipeline.project import find_project
 from pipeline.readers import Statement
 from pipeline.viewing.viewer import Viewer
 from tests.factories.browser import WAIT_S, chromium, listening

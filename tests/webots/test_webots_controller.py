@@ -105,10 +105,11 @@ def test_gravity_comes_from_the_attitude(task: DeploymentTask, seed: int):
     robot = PaperRobot(1)
     devices = Devices(robot, task.joint_names, NAMES)
     quat = rotation.normalize(np.random.default_rng(seed).normal(size=4))
-    robot.devices["imu"].value = np.roll(quat, -1)  # x, y, z, w
-    np.testing.assert_allclose(
-        devices.gravity_b(), rotation.rotate_inverse(quat, np.array([0.0, 0.0, -1.0])), atol=1e-12
-    )
+    robot.devices["gyro"].value, robot.devices["imu"].value = [0.1, 0.2, 0.3], np.roll(quat, -1)  # x, y, z, w
+    reading = devices.reading(task.default_joint_pos, np.zeros_like(task.default_joint_pos))
+    down = rotation.rotate_inverse(quat, np.array([0.0, 0.0, -1.0]))
+    np.testing.assert_allclose(reading.gravity_b, down, atol=1e-12)
+    np.testing.assert_array_equal(reading.gyro_b, [0.1, 0.2, 0.3])
 
 
 def test_every_sensor_is_read_each_timestep(task: DeploymentTask):

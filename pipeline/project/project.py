@@ -1,20 +1,28 @@
 """Where things are in the project. The only place that builds paths."""
 
+import dataclasses
 import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 from pipeline.batch import Store
+from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.feedback.approve import FeedbackFiles
-from pipeline.readers import SourcesInUse, sources_in_use
+from pipeline.files import settings
+from pipeline.readers import Source, SourcesInUse, Statement, sources_in_use, sources_of_environment
+from pipeline.readers.remembered import VARIABLE
+from pipeline.robot import Robot, load_robot
+from pipeline.validation.bars import ValidationSettings, read_validation
 
 DEFAULT_ROBOT = "t1"
 """The robot whose assets have the bare keys."""
 
-MOTIONS_VARIABLE = "BOOSTER_LAB_MOTIONS"
 POLICIES_VARIABLE = "BOOSTER_LAB_POLICIES"
 """Folder of further policies, to compare logs of theirs with simulation."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,12 @@ class Project:
     def robot_folder(self, robot: str) -> Path:
         return self.root / "robots" / robot
 
+    def robot(self, name: str) -> Robot:
+        """The robot in `robots/<name>`. Raises UnknownNameError."""
+        if name not in self.robots:
+            raise UnknownNameError("robot", name, self.robots)
+        return load_robot(self.robot_folder(name))
+
     def bars(self, robot: str) -> Path:
         """File of a robot's thresholds for policies."""
         return self.robot_folder(robot) / "validation.yaml"
@@ -47,6 +61,14 @@ class Project:
     def settings(self, name: str) -> Path:
         """A settings file in `data/`."""
         return self.data / name
+
+    def read(self, name: str, kind: type[T]) -> T:
+        """The settings file `data/<name>` as `kind`. Raises SettingsError."""
+        return settings.read(self.settings(name), kind)
+
+    def validation(self, robot: str) -> ValidationSettings:
+        """Rules and a robot's thresholds for policies."""
+        return read_validation(self.settings("validation.yaml"), self.bars(robot))
 
     def expert_db(self, robot: str) -> Path:
         return self.data / "expert_db" / robot
@@ -80,7 +102,12 @@ class Project:
     @property
     def feedback(self) -> FeedbackFiles:
         """The files of proposed, approved and declined changes."""
-        return FeedbackFiles.of(self.root)
+        return FeedbackFiles(
+            store=self.store,
+            rules_file=self.settings("feedback_rules.yaml"),
+            approved=self.data / "feedback" / "approved.yaml",
+            declined=self.data / "feedback" / "declined.yaml",
+        )
 
     @property
     def proposed_feedback(self) -> Path:
@@ -132,8 +159,38 @@ class Project:
 
     def sources(self) -> SourcesInUse:
         """The source folders: of `data/sources.yaml`, of the environment, and those of earlier runs' environments."""
-        variable = os.environ.get(MOTIONS_VARIABLE, "")
-        return sources_in_use(self.settings("sources.yaml"), variable, self.remembered_sources)
+        return sources_in_use(self.settings("sources.yaml"), os.environ.get(VARIABLE, ""), self.remembered_sources)
+
+    def source_of(self, path: Path, stated: Statement) -> Source:
+        """The source a file belongs to, with what was stated on the command line put over what the source states.
+
+        A file outside all sources makes up a source of its own: its folder.
+        """
+        path = path.resolve()
+        for source in self._all_sources:
+            if path.is_relative_to(source.folder):
+                below, above = source.statement_of(path), vars(stated).items()
+                statement = dataclasses.replace(below, **{name: each for name, each in above if each is not None})
+                licence = source.stated_licence_of(path)
+                return dataclasses.replace(source, statement=statement, licence=licence, files=())
+        return Source(name=path.parent.name or "file", folder=path.parent, statement=stated)
+
+    @cached_property
+    def _all_sources(self) -> tuple[Source, ...]:
+        if self.settings("sources.yaml").is_file():
+            return self.sources().all
+        return sources_of_environment(os.environ.get(VARIABLE, ""))
 
 
-PROJECT = Project(Path(__file__).resolve().parent.parent)
+PROJECT = Project(Path(__file__).resolve().parents[2])
+
+
+def find_project() -> Project:
+    """The checkout that is worked in (it has `data` and `robots`), else the one that contains this package.
+
+    Raises PipelineError when there is neither.
+    """
+    for project in (Project(Path.cwd()), PROJECT):
+        if project.data.is_dir() and (project.root / "robots").is_dir():
+            return project
+    raise PipelineError("this folder has no 'data' and 'robots'; change to the project's folder and try again.")
