@@ -6,7 +6,7 @@ from typing import Any
 import dagster as dg
 
 from assets.approved import approval_metadata, approved_part
-from assets.plan import Plan, group_of, key_of
+from assets.plan import Plan, external
 from assets.report import check_result, picture, result_of, robot_asset, table_of
 from pipeline.actuators.adapted_robot import adapt, torque_envelope, write_adapted_robot
 from pipeline.actuators.calibrate import Calibration
@@ -38,12 +38,8 @@ def measurements_version(project: Project, robot: str) -> tuple[str, dict[str, A
 
 def actuator_measurements(robot: str) -> dg.AssetSpec:
     """The folder `data/actuators/<robot>`, versioned by content."""
-    return dg.AssetSpec(
-        key_of(MEASUREMENTS, robot),
-        group_name=group_of(MEASUREMENTS, robot),
-        description=f"Torque-speed sweeps and the motor table of data/actuators/{robot}, by content.",
-        kinds={"file"},
-    )
+    what = f"Torque-speed sweeps and the motor table of data/actuators/{robot}, by content."
+    return external(MEASUREMENTS, robot, what)
 
 
 @robot_asset(

@@ -11,7 +11,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.plan import group_of, key_of
+from assets.plan import external, key_of
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import Approvals, part_of, part_version
 from pipeline.feedback.change import Change
@@ -39,6 +39,7 @@ BROKEN = "broken-"
 PAGE_TAG = "booster_lab/approved_on_page"
 """Tag of a materialization of curation_feedback, and of a run that renews its page: what is approved, as it shows."""
 
+APPROVED = "What was approved of curation_feedback (data/feedback/approved.yaml)"
 SAYS = {
     "selection": "most seconds of skills, for KP1",
     "augmentation": "perturbations of the clips of skills, for KP4",
@@ -56,16 +57,7 @@ def approved_key(section: str, robot: str | None) -> dg.AssetKey:
 def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
     """The external assets of a robot; None for those that all share."""
     sections = [name for name in PARTS if (name in SHARED_PARTS) == (robot is None)]
-    return [
-        dg.AssetSpec(
-            approved_key(section, robot),
-            deps=[PROPOSAL],
-            group_name=group_of(PARTS[section], robot),
-            description=f"What was approved of curation_feedback (data/feedback/approved.yaml): {SAYS[section]}.",
-            kinds={"file"},
-        )
-        for section in sections
-    ]
+    return [external(PARTS[section], robot, f"{APPROVED}: {SAYS[section]}.", [PROPOSAL]) for section in sections]
 
 
 def approved_part(project: Project, section: str, robot: str | None) -> tuple[Change, ...]:

@@ -23,7 +23,6 @@ from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
 from pipeline.hardware_logs import read_trial
 from pipeline.project import PROJECT
-from pipeline.robot import load_robot
 
 FAILURES = FIELD[0]
 LOOKED = "every_trial_looked_at"
@@ -83,7 +82,7 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         values = PROJECT.read("failures.yaml", FailureSettings)
         limits = PROJECT.read("actuators.yaml", ActuatorSettings)
         calibration = PROJECT.store.load(_calibrations()[robot].key.to_user_string())
-        nominal = load_robot(PROJECT.robot_folder(robot))
+        nominal = PROJECT.robot(robot)
     policy = find_policy(PROJECT.policy_files(robot), numbers.get("policy_digest") or "")
     question = [
         *("looked at", FAILURES.code_version(), settings.plain(values), calibration.digest, nominal.digest),

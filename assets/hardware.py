@@ -14,7 +14,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.plan import HARDWARE, TRIALS, Plan, digest_of_robot
+from assets.plan import TRIALS, Plan, digest_of_robot, external
 from assets.report import asset_of, check_result, result_of, table_of
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.clips.outcome import Reason
@@ -31,7 +31,6 @@ from pipeline.hardware_logs.log_folder import (
     without_copies,
 )
 from pipeline.project import PROJECT, Project
-from pipeline.robot import load_robot
 
 Answer = dict[str, Any]
 
@@ -97,7 +96,7 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
         root = project.store.root / "ingest"
         root.mkdir(parents=True, exist_ok=True)
         aside = Path(tempfile.mkdtemp(dir=root))
-        robots = [load_robot(project.robot_folder(robot)) for robot in project.robots]
+        robots = [project.robot(robot) for robot in project.robots]
         made = ingest(file.path, file.name, aside, layouts=layouts(robots), settings=values, sidecar=file.sidecar)
         pieces = [
             {"clip": each.name, "blob": project.store.own_blobs.take(each.path), "numbers": each.numbers}
@@ -173,12 +172,8 @@ READABLE = "every_log_readable"
 VERIFIED = "every_log_verified"
 INTEGRITIES = ("complete", "recovered", "unverified")
 
-hardware_logs = dg.AssetSpec(
-    HARDWARE_LOGS,
-    group_name=HARDWARE,
-    description="The folder data/hardware_logs: MCAP files and sqlite3 bags of the robot, by content.",
-    kinds={"file"},
-)
+FOLDER = "The folder data/hardware_logs: MCAP files and sqlite3 bags of the robot, by content."
+hardware_logs = external("hardware_logs", None, FOLDER)
 
 
 def logs_version(project: Project) -> tuple[str, dict[str, Any]]:

@@ -4,6 +4,7 @@ No heavy imports here.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
@@ -237,3 +238,9 @@ def group_of(name: str, robot: str | None = None) -> str:
     """
     group = (_SHARED | _OWN)[name].group
     return group if robot is None else f"{robot}_{group}"
+
+
+def external(name: str, robot: str | None, what: str, deps: Sequence[dg.AssetKey] = ()) -> dg.AssetSpec:
+    """An asset that no function of the graph makes, versioned by content; `what` describes it."""
+    group = group_of(name, robot)
+    return dg.AssetSpec(key_of(name, robot), deps=deps, group_name=group, description=what, kinds={"file"})

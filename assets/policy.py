@@ -18,7 +18,6 @@ from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.export.card import page
 from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
-from pipeline.robot import load_robot
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import Deployed, deployed
 
@@ -55,7 +54,7 @@ def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig, pla
 
     robot = plan.robot or DEFAULT_ROBOT
     folder, origin = serve(PROJECT, robot, shippable=config.shippable)
-    export = read_export(folder, load_robot(PROJECT.robot_folder(robot)))
+    export = read_export(folder, PROJECT.robot(robot))
     card = export.card
     context.log.info(f"policy '{card.name}' of run '{card.run.get('name')}': {origin}")
     facts = {
@@ -91,11 +90,11 @@ def serve(project: Project, robot: str, *, shippable: bool) -> tuple[Path, str]:
                 f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
                 f"trained here in full. On a machine with a GPU: {do}"
             )
-        complete_export(shipped, folder, load_robot(project.robot_folder(robot)), rng)
+        complete_export(shipped, folder, project.robot(robot), rng)
         return folder, SHIPPED
     run = project.root / facts["folder"]
     source = source_of_run(run, run / facts["policy"])
-    adapted = load_robot(project.robot_folder(robot))
+    adapted = project.robot(robot)
     export_policy(folder, facts["run"], adapted, source, rng, shippable=shippable)
     return folder, TRAINED
 

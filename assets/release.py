@@ -22,7 +22,6 @@ from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.release.dossier import Dossier, Origin, Picture, Verdict, verdict_of
 from pipeline.release.page import page
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.run import run
 from pipeline.validation.deployed import deployed
 
 READY = "ready_to_sign"
@@ -202,11 +201,8 @@ def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
     one = deployed(PROJECT.adapted_robot(robot), served_policy(exported))
     pictures = []
     for speed in SPEEDS_M_S:
-        walked = run(
-            one.robot,
+        walked = one.walk(
             MujocoPlant(one.robot, MujocoOptions(timestep_s=0.005)),
-            one.controller(),
-            one.motors(),
             lambda time_s, speed=speed: np.array([min(speed, time_s), 0.0, 0.0]),
             6.0,
             stop_on_fall=True,

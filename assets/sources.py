@@ -7,7 +7,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.plan import group_of
+from assets.plan import external
 from pipeline.files import digest
 from pipeline.files.shown_text import markdown_table
 from pipeline.project import Project
@@ -23,12 +23,8 @@ SOURCES_NAME = "motion_sources"
 SOURCES = dg.DynamicPartitionsDefinition(name=SOURCES_NAME)
 """A partition for each source of motions; all shards of a manifest are of one source."""
 
-raw_motions = dg.AssetSpec(
-    RAW_MOTIONS,
-    group_name=group_of("raw_motions"),
-    description="The folders of motion files named in data/sources.yaml and in BOOSTER_LAB_MOTIONS, by content.",
-    kinds={"file"},
-)
+FOLDERS = "The folders of motion files named in data/sources.yaml and in BOOSTER_LAB_MOTIONS, by content."
+raw_motions = external("raw_motions", None, FOLDERS)
 
 
 @dataclass(frozen=True, kw_only=True)

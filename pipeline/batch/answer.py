@@ -55,8 +55,8 @@ def work_on_files(
 
 
 class _Motions:
-    """Motions of the store at hand: one that several windows share is read once, and one that a stage passes as it is,
-    or returns in several pieces, is encoded and checked once."""
+    """The motions that a call works on: one that several windows share is read once, and one that a stage passes on as
+    it is, or in several pieces, is encoded and checked once."""
 
     def __init__(self, store: Store):
         self._store = store
@@ -82,7 +82,7 @@ class _Motions:
 
 
 def _same_arrays(one: Clip, other: Clip) -> bool:
-    """Whether two clips are the same but for their names: the very same arrays, which are not compared."""
+    """Whether two clips, but for their names, hold the same objects in memory; equal copies do not count."""
     return type(one) is type(other) and all(
         value is getattr(other, field) for field, value in vars(one).items() if field != "name"
     )

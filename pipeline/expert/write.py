@@ -291,7 +291,7 @@ def _write_files(
 ) -> list[Written]:
     """Entries written: those whose frames the database in place has are copied, others checked and encoded.
 
-    The first that is encoded is read back from the disk, as that takes as long as encoding.
+    Of those encoded the first is read back from the disk: to read all would take as long as to encode them.
     """
     columns_text, head = _columns_text(robot), manifest.frame_facts(robot)
     copied = [written.text(in_place) if written else None for _, written in entries]

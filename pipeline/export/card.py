@@ -8,6 +8,7 @@ from typing import Any
 from pipeline.errors import FileError
 from pipeline.files import atomic, settings
 from pipeline.files import digest as digests
+from pipeline.files.csv_json import read_json
 from pipeline.files.shown_text import plain
 
 FILE = "card.json"
@@ -17,7 +18,6 @@ UNSEALED = "booster-lab policy card 1"
 """Schema of cards that carry no digest of themselves; they are read, not written."""
 SEAL = "sha256"
 """Key of the card's digest of itself."""
-MAX_BYTES = 5_000_000
 AGAIN = "Export the policy again."
 
 
@@ -64,14 +64,9 @@ def read_card(folder: Path) -> ModelCard:
     path = folder / FILE
     if not path.is_file():
         raise FileError(path, "there is no exported policy here.", "Export one: python -m pipeline.export --help")
-    if path.stat().st_size > MAX_BYTES:
-        raise FileError(path, f"is larger than {MAX_BYTES} bytes.")
-    try:
-        value = json.loads(path.read_text())
-    except (ValueError, RecursionError) as error:
-        raise FileError(path, f"is no JSON ({error}).") from error
+    value = read_json(path, do=AGAIN)
     if not isinstance(value, dict) or value.get("schema") not in (SCHEMA, UNSEALED):
-        raise FileError(path, f"is no card of schema {SCHEMA!r}.", "Export the policy again.")
+        raise FileError(path, f"is no card of schema {SCHEMA!r}.", AGAIN)
     _check_seal(path, value)
     del value["schema"]
     card = settings.parse(ModelCard, value, path, AGAIN)

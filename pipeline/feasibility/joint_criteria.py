@@ -120,7 +120,7 @@ def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verd
 )
 def joint_acceleration(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]:
     """99th percentile of joint accelerations: high for shaking and for seams."""
-    value = acceleration_p99(motion.clip.joint_pos, motion.clip.fps, motion.cutoff_hz, motion.least_frames)
+    value = acceleration_p99(motion.smooth_joint_pos, motion.clip.fps, motion.least_frames)
     verdict = Verdict(
         code="joint_acceleration_p99",
         value=value,

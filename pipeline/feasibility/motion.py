@@ -77,10 +77,9 @@ class Motion:
     velocity: CommandVelocity
     commands: Float[np.ndarray, "t 3"]
     """Forward and lateral velocity [m/s] and yaw rate [rad/s] about each frame, as a command would have it."""
-    cutoff_hz: float
-    """Low pass of the root and of accelerations [Hz]."""
     smooth_root_pos_w: Float[np.ndarray, "t 3"]
     smooth_root_quat_w: Float[np.ndarray, "t 4"]
+    smooth_joint_pos: Float[np.ndarray, "t j"]
     reference: RobotClip | None = None
     """The motion that was tracked, at the same frames; None where this is no tracked rollout."""
     no_reference: str = NO_ROLLOUT
@@ -139,6 +138,7 @@ class Motion:
             commands=commands,
             smooth_root_pos_w=self.smooth_root_pos_w * mirror_image.POSITION,
             smooth_root_quat_w=self.smooth_root_quat_w * mirror_image.QUATERNION,
+            smooth_joint_pos=self.smooth_joint_pos[:, self.robot.mirror_index] * self.robot.mirror_sign,
         )
 
 
@@ -152,10 +152,9 @@ def motion_of(
     """The clip, resampled to 50 Hz by time, with what follows from it; `reference` is at the frames of that."""
     clip = at_database_rate(clip)
     sole = sole_motion(clip, robot)
-    cutoff_hz = settings.root.cutoff_hz
     velocity, commands = command_velocities(clip.root_pos_w, clip.root_quat_w, clip.fps)
-    root = np.concatenate([clip.root_pos_w, rotation.make_continuous(clip.root_quat_w)], axis=1)
-    smooth_root = time_series.smooth(root, clip.fps, cutoff_hz)
+    columns = [clip.root_pos_w, rotation.make_continuous(clip.root_quat_w), clip.joint_pos]
+    smooth = time_series.smooth(np.concatenate(columns, axis=1), clip.fps, settings.root.cutoff_hz)
     return Motion(
         clip=clip,
         robot=robot,
@@ -165,9 +164,9 @@ def motion_of(
         contact=settings.contact,
         velocity=velocity,
         commands=commands,
-        cutoff_hz=cutoff_hz,
-        smooth_root_pos_w=smooth_root[:, :3].copy(),
-        smooth_root_quat_w=rotation.normalize(smooth_root[:, 3:]),
+        smooth_root_pos_w=smooth[:, :3].copy(),
+        smooth_root_quat_w=rotation.normalize(smooth[:, 3:7]),
+        smooth_joint_pos=smooth[:, 7:].copy(),
         reference=reference,
         no_reference=no_reference,
         least_frames=round(settings.cut.share_s * FPS),

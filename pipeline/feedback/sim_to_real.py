@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.actuators.adapted_robot import JointActuator, torque_envelope
-from pipeline.deployment import Policy, PolicyController, policy_task
+from pipeline.deployment import Policy, policy_task
 from pipeline.failures.failure import Failure
 from pipeline.failures.settings import FailureSettings
 from pipeline.failures.signals import signals_of
@@ -22,8 +22,7 @@ from pipeline.robot import Robot
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.record import Rollout
-from pipeline.simulation.run import run
-from pipeline.simulation.torque_envelope import PdControl
+from pipeline.validation.deployed import Deployed
 from pipeline.validation.limit_cycles import PLANES, Comparison, NoCycleError, compare, leg_series, limit_cycle
 
 TIMESTEP_S = 0.002
@@ -89,23 +88,16 @@ def simulated(
     trial: Trial, robot: Robot, actuators: Sequence[JointActuator], policy: Policy, seconds: float
 ) -> Rollout:
     """The walk of a trial in MuJoCo: its commands and the gains that it sent, the calibrated motors, ideal sensors."""
-    kp, kd = (_sent(getattr(trial, name), getattr(robot, name)) for name in ("kp", "kd"))
-    task = dataclasses.replace(policy_task(robot, policy), kp=kp, kd=kd)
+    gains = {name: _sent(getattr(trial, name), getattr(robot, name)) for name in ("kp", "kd")}
+    task = dataclasses.replace(policy_task(robot, policy), **gains)
+    one = Deployed(robot=robot, task=task, policy=policy, envelope=torque_envelope(actuators))
     command = np.nan_to_num(np.asarray(trial.command, dtype=float))
 
     def wanted(time_s: float) -> np.ndarray:
         return command[min(round(time_s * trial.rate_hz), len(command) - 1)]
 
-    return run(
-        robot,
-        MujocoPlant(robot, MujocoOptions(timestep_s=TIMESTEP_S)),
-        PolicyController(task, policy),
-        PdControl(kp=kp, kd=kd, envelope=torque_envelope(actuators)),
-        wanted,
-        seconds,
-        wrench_every=10_000,
-        stop_on_fall=True,
-    )
+    plant = MujocoPlant(robot, MujocoOptions(timestep_s=TIMESTEP_S))
+    return one.walk(plant, wanted, seconds, wrench_every=10_000, stop_on_fall=True)
 
 
 def _sent(gains: np.ndarray, otherwise: np.ndarray) -> np.ndarray:

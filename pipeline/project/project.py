@@ -54,10 +54,6 @@ class Project:
             raise UnknownNameError("robot", name, self.robots)
         return load_robot(self.robot_folder(name))
 
-    def bars(self, robot: str) -> Path:
-        """File of a robot's thresholds for policies."""
-        return self.robot_folder(robot) / "validation.yaml"
-
     def settings(self, name: str) -> Path:
         """A settings file in `data/`."""
         return self.data / name
@@ -68,7 +64,7 @@ class Project:
 
     def validation(self, robot: str) -> ValidationSettings:
         """Rules and a robot's thresholds for policies."""
-        return read_validation(self.settings("validation.yaml"), self.bars(robot))
+        return read_validation(self.settings("validation.yaml"), self.robot_folder(robot) / "validation.yaml")
 
     def expert_db(self, robot: str) -> Path:
         return self.data / "expert_db" / robot

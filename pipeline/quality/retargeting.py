@@ -125,9 +125,9 @@ def mean_jerk(smooth_pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:
     return float(np.linalg.norm(jerk, axis=1).mean())
 
 
-def acceleration_p99(values: Float[np.ndarray, "t j"], fps: float, cutoff_hz: float, least_frames: int = 0) -> float:
+def acceleration_p99(smooth: Float[np.ndarray, "t j"], fps: float, least_frames: int = 0) -> float:
     """99th percentile of |second derivative| of low-passed frames and columns; few frames are padded with zeros."""
-    if len(values) < 3:
+    if len(smooth) < 3:
         return 0.0
-    second = np.diff(time_series.smooth(values, fps, cutoff_hz), n=2, axis=0) * fps**2
-    return percentile_of_least(np.abs(second).ravel(), 99, least_frames * values.shape[1])
+    second = np.diff(smooth, n=2, axis=0) * fps**2
+    return percentile_of_least(np.abs(second).ravel(), 99, least_frames * smooth.shape[1])

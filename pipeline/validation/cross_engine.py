@@ -8,13 +8,14 @@ difference that the bridge has to MuJoCo as well comes from the approximation; i
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pipeline.batch import ClipPool
 from pipeline.files import settings as settings_files
+from pipeline.files.csv_json import without_nan
 from pipeline.validation.bars import (
     UNKNOWN,
     Agreement,
@@ -91,7 +92,7 @@ class CrossEngineResult(SuiteOutcome[CellResult]):
                 "verdict": cell.word,
                 "engine": engine,
                 "survival": cell.survival(engine),
-                **{name: _finite(cell.mean(engine, name)) for name in figures},
+                **without_nan({name: cell.mean(engine, name) for name in figures}),
                 "asked": "; ".join(f"{name.replace('_', ' ')} {bar}" for name, bar in cell.bars.bars.items()),
             }
             for cell in self.cells
@@ -111,13 +112,7 @@ class CrossEngineResult(SuiteOutcome[CellResult]):
             "not_required": {cell.name: [cell.bars.why, *cell.reasons] for cell in self.cells if not cell.required},
             "bars": {cell.name: settings_files.plain(cell.bars) for cell in self.cells},
             "rows": self.rows(),
-            "walks": {
-                cell.name: {
-                    engine: [{key: _finite(value) for key, value in asdict(one).items()} for one in each]
-                    for engine, each in cell.figures.items()
-                }
-                for cell in self.cells
-            },
+            "walks": without_nan({cell.name: settings_files.plain(cell.figures) for cell in self.cells}),
         }
 
 
@@ -226,7 +221,3 @@ def differences(name: str, figures: dict[str, tuple[Figures, ...]], agreement: A
                 text += f" ({model:+.3f} from the armature on the links, {contact:+.3f} from contact and solver)"
             found.append((text, BRIDGE in mean and abs(mean[DART] - mean[BRIDGE]) <= bar))
     return found
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -15,7 +15,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant, bridge_plant
 from pipeline.simulation.plant import Plant, PlantState, Push, standing_state
 from pipeline.simulation.record import Rollout
-from pipeline.simulation.run import Segment, command_of, run
+from pipeline.simulation.run import Segment, command_of
 from pipeline.validation.deployed import Deployed
 
 LONGEST_TIMESTEP_S = 0.02
@@ -139,22 +139,11 @@ def walk(
     deployed: Deployed, engine: str, cell: Cell, seed: int, settings: SimulationSettings, stop_on_fall: bool = True
 ) -> Rollout:
     """Rollout of one cell, engine and seed."""
-    robot = deployed.robot
-    start = start_state(robot, deployed.task, seed, settings)
+    start = start_state(deployed.robot, deployed.task, seed, settings)
+    options = {"start": start, "wrench_every": 1000, "stop_on_fall": stop_on_fall}
     events = [] if cell.push is None else [_push(cell.push, start)]
-    return run(
-        robot,
-        make_plant(engine, deployed, settings.timestep_s, settings.friction),
-        deployed.controller(),
-        deployed.motors(),
-        command_of(cell.segments),
-        cell.seconds,
-        events,
-        sensors=deployed.reads,
-        start=start,
-        wrench_every=1000,
-        stop_on_fall=stop_on_fall,
-    )
+    plant = make_plant(engine, deployed, settings.timestep_s, settings.friction)
+    return deployed.walk(plant, command_of(cell.segments), cell.seconds, events=events, **options)
 
 
 def start_state(robot: Robot, task: DeploymentTask, seed: int, settings: SimulationSettings) -> PlantState:

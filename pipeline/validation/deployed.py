@@ -4,6 +4,7 @@ import dataclasses
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +14,9 @@ from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy
 from pipeline.errors import PipelineError
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.legs import legs_of
+from pipeline.simulation.plant import Plant
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.run import Command, run
 from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
@@ -47,6 +51,11 @@ class Deployed:
 
     def motors(self) -> PdControl:
         return PdControl(kp=self.task.kp, kd=self.task.kd, envelope=self.envelope)
+
+    def walk(self, plant: Plant, command: Command, seconds: float, **options: Any) -> Rollout:
+        """The policy walks on a plant; `options` are those of `pipeline.simulation.run.run`."""
+        motors, reads = self.motors(), self.reads
+        return run(self.robot, plant, self.controller(), motors, command, seconds, sensors=reads, **options)
 
 
 def deployed(folder: Path, policy: Policy) -> Deployed:

@@ -1,17 +1,18 @@
 """Limit cycles of a policy's steady walk in each engine and in hardware logs, compared at each speed."""
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from pipeline.errors import PipelineError, UnknownNameError
+from pipeline.files.settings import plain
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
 from pipeline.robot.description import SIDES
 from pipeline.robot.legs import legs_of
-from pipeline.simulation.run import run
 from pipeline.validation.bars import UNKNOWN, CellBars
 from pipeline.validation.cross_engine_walk import make_plant
 from pipeline.validation.deployed import Deployed
@@ -58,15 +59,7 @@ class SpeedCycles:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON types."""
-        return {
-            "speed_m_s": self.speed_m_s,
-            "required": self.required,
-            "why": self.why,
-            "cycles": self.rows(),
-            "comparisons": [asdict(each) for each in self.comparisons],
-            "missing": list(self.missing),
-            "reasons": list(self.reasons),
-        }
+        return plain(dataclasses.replace(self, cycles={})) | {"cycles": self.rows()}
 
 
 def limit_cycles(
@@ -162,14 +155,10 @@ def walk_series(
     deployed: Deployed, engine: str, speed: float, settings: LimitCycleSettings
 ) -> tuple[JointSeries, JointSeries]:
     """Left and right leg of a steady walk in an engine. Raises FellError."""
-    walked = run(
-        deployed.robot,
+    walked = deployed.walk(
         make_plant(engine.lower(), deployed, settings.timestep_s, settings.friction),
-        deployed.controller(),
-        deployed.motors(),
         lambda time_s: np.array([min(speed, time_s), 0.0, 0.0]),
         settings.seconds,
-        sensors=deployed.reads,
         wrench_every=10_000,
         stop_on_fall=True,
     )

@@ -88,6 +88,7 @@ def page_server(host: str, port: int, label: str) -> viser.ViserServer:
     if not calls:
         server.stop()
         raise RuntimeError("this version of viser makes its server in another way; its requests can't be checked")
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
     return server
 
 

@@ -42,7 +42,6 @@ class PlayPage(TickedPage):
         self._kinematics = Kinematics(one.robot)
         self._links = [one.robot.link(part.name) for part in robot_parts(one.robot)]
         self.server = page_server("127.0.0.1", port, label=f"Booster Lab: {name}")
-        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._owed_s = 0.0
         self._add_scene()
         self._add_controls(name)

@@ -154,7 +154,6 @@ class Viewer(TickedPage):
         names = playlist.names + playlist.beside
         self._load = playlist.load
         self.server = page_server(host, port, label="Booster Lab")
-        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.figures: list[SceneFigure] = []
         self.playback = Playback(duration_s=0.0)
         gui = self.server.gui
