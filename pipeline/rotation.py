@@ -39,8 +39,9 @@ def multiply(a: Quats, b: Quats) -> Quats:
     """Hamilton product a b of quaternions (..., 4), broadcasting; R(ab) = R(a) R(b)."""
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    product = np.empty((*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), 4))
-    product[..., 0] = aw * bw - ax * bx - ay * by - az * bz
+    w = aw * bw - ax * bx - ay * by - az * bz
+    product = np.empty((*np.shape(w), 4))
+    product[..., 0] = w
     product[..., 1] = aw * bx + ax * bw + ay * bz - az * by
     product[..., 2] = aw * by - ax * bz + ay * bw + az * bx
     product[..., 3] = aw * bz + ax * by - ay * bx + az * bw
@@ -57,7 +58,7 @@ def rotate(quat: Quats, vector: Vectors) -> Vectors:
     w, x, y, z = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
     vx, vy, vz = vector[..., 0], vector[..., 1], vector[..., 2]
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    rotated = np.empty((*np.broadcast_shapes(quat.shape[:-1], vector.shape[:-1]), 3))
+    rotated = np.empty((*np.shape(tx), 3))
     rotated[..., 0] = vx + w * tx + (y * tz - z * ty)
     rotated[..., 1] = vy + w * ty + (z * tx - x * tz)
     rotated[..., 2] = vz + w * tz + (x * ty - y * tx)

@@ -58,7 +58,8 @@ def turns_of(
     shoulder_w, elbow_w, hip_w, knee_w, hand_w = (places_w[:, None, 2 * part : 2 * part + 2] for part in range(5))
     top_w, bottom_w = shoulder_w.mean(axis=2, keepdims=True), hip_w.mean(axis=2, keepdims=True)
     trunk_quat_w = poses.quat_w[:, robot.link(human["trunk"])]
-    outward_w = rotation.rotate(trunk_quat_w[:, None], np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]))
+    left_w = rotation.rotate(trunk_quat_w, np.array([0.0, 1.0, 0.0]))
+    outward_w = np.stack([left_w, -left_w], axis=1)
     shares = np.array(ARM_POINTS)[:, None, None]
     point_w = elbow_w + shares * (hand_w - elbow_w)
     away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)

@@ -64,7 +64,7 @@ def bring_footholds_in_reach(
     """
     lateral_w, largest = lateral_axis(heading), 0.0
     for side, short in enumerate(np.maximum(lacking(locked, hips) - free, 0.0)):
-        for start, stop in time_series.runs(contacts[:, side]):
+        for start, stop in time_series.runs(contacts[:, side]) if short.any() else ():
             worst = start + int(np.argmax(short[start:stop]))
             locked[side, start:stop, :2] += (1.0 - 2.0 * side) * short[worst] * lateral_w[worst]
             largest = max(largest, float(short[worst]))

@@ -37,6 +37,9 @@ RESETTLE_ITERATIONS = 6
 BACK_ON_START = 1e-5
 """Largest difference [m, rad] of two solutions of a frame that count as the same."""
 
+ROOT_QUAT = [6, 3, 4, 5]
+"""Places of the root's orientation, wxyz, in placo's state."""
+
 DAMPING = 1e-6
 """Weight of the step's square; it keeps the program strictly convex."""
 
@@ -157,7 +160,7 @@ class Solver:
         joint_pos[:, self._joints] = states[:, self._columns]
         return Trajectory(
             root_pos_w=states[:, :3].copy(),
-            root_quat_w=rotation.make_continuous(np.roll(states[:, 3:7], 1, axis=1)),
+            root_quat_w=rotation.make_continuous(states[:, ROOT_QUAT]),
             joint_pos=joint_pos,
         )
 
@@ -178,7 +181,7 @@ class Solver:
         self._wrapper.reset()
         q = np.array(self._wrapper.state.q)
         q[:3] = root_pos_w
-        q[3:7] = np.roll(root_quat_w, -1)
+        q[ROOT_QUAT] = root_quat_w
         q[self._columns] = np.clip(joint_pos, self._lower, self._upper)[self._joints]
         self._go_to(q)
 
@@ -190,7 +193,7 @@ class Solver:
         """placo's states of a trajectory: root position, root orientation xyzw, joints."""
         states = np.tile(np.array(self._wrapper.state.q), (len(trajectory.joint_pos), 1))
         states[:, :3] = trajectory.root_pos_w
-        states[:, 3:7] = np.roll(trajectory.root_quat_w, -1, axis=1)
+        states[:, ROOT_QUAT] = trajectory.root_quat_w
         states[:, self._columns] = trajectory.joint_pos[:, self._joints]
         return states
 
@@ -296,7 +299,7 @@ def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tu
 
 def _between(low: float | Weight, high: float, share: Weight) -> Weight:
     """`low` for 0, `high` for 1, geometrically between."""
-    return np.where(share == 1.0, high, low * (high / low) ** share)
+    return np.where(share == 1.0, high, low * (high / low) ** share) if share.any() else np.full_like(share, low)
 
 
 def _rows(*columns: Weight) -> list[tuple[float, ...]]:
