@@ -2,7 +2,7 @@
 
 policy.npz             the network and its gains (`pipeline.deployment`)
 golden.npz             sensor readings, observations, actions and targets of one second
-curves.csv             curves of the training run, if it has any
+curves.csv             curves of the training run, if it has any: at most CURVE_ROWS rows
 card.json, CARD.md     model card; written last
 policy.onnx            derived: the network as ONNX, with metadata
 booster_deploy/        derived: task folder for Booster's deployment program, with the TorchScript file
@@ -47,6 +47,8 @@ from pipeline.files import digest as digests
 from pipeline.robot import Robot
 
 POLICY, ONNX, GOLDEN, CURVES = "policy.npz", "policy.onnx", "golden.npz", "curves.csv"
+CURVE_ROWS = 200
+"""More rows are thinned to every n-th, and the last: a long run has thousands, of half a kilobyte each."""
 FIGURES = "validation/figures.json"
 """Of a training run (`pipeline.training.validation_stage`)."""
 DEPLOY = "booster_deploy"
@@ -132,7 +134,7 @@ def export_policy(
     golden = golden_vectors(robot, task, policy)
     write_golden(folder / GOLDEN, golden)
     if source.curves is not None:
-        atomic.write_bytes(folder / CURVES, source.curves.read_bytes())
+        atomic.write_text(folder / CURVES, thinned(source.curves.read_text()))
     parity = _write_derived(folder, robot, task, policy, golden, rng)
     if compact:
         _remove_derived(folder)
@@ -153,6 +155,13 @@ def export_policy(
     )
     card.write_card(folder, written)
     return written
+
+
+def thinned(curves: str) -> str:
+    """A CSV with at most CURVE_ROWS of its rows: evenly spaced, the last one among them."""
+    header, *rows = curves.splitlines(keepends=True) or [""]
+    step = -(-len(rows) // CURVE_ROWS) or 1
+    return header + "".join(rows[::-step][::-1])
 
 
 def complete_export(folder: Path, out: Path, robot: Robot, rng: np.random.Generator) -> card.ModelCard:

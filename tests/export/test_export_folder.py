@@ -1,6 +1,7 @@
 """The exported folder: whole, marked as its licence allows, its golden vectors and its booster_deploy task true."""
 
 import dataclasses
+import itertools
 import json
 
 import numpy as np
@@ -12,7 +13,7 @@ from pipeline.expert.licence import LicenceClass
 from pipeline.export.__main__ import main
 from pipeline.export.booster_deploy import write_task_folder
 from pipeline.export.card import read_card
-from pipeline.export.folder import Source, complete_export, export_policy, read_export
+from pipeline.export.folder import Source, complete_export, export_policy, read_export, thinned
 from pipeline.export.metadata import SHIPPABLE, ExportError, shipping, trained_task
 from pipeline.export.parity import read_golden
 from tests.factories.networks import network, network_file
@@ -212,6 +213,19 @@ def test_a_robot_with_other_joints_stops_the_import(export, robot):
 def test_a_robot_that_booster_deploy_lacks_is_refused(tmp_path, export):
     with pytest.raises(SettingsError, match=r"g1/deployment.yaml: booster_deploy has no configuration of 'g1'"):
         write_task_folder(tmp_path, dataclasses.replace(export.task, robot="g1"), export.policy, 0.7)
+
+
+def test_long_curves_are_thinned_to_evenly_spaced_rows_and_the_last():
+    rows = [f"{number},{number**2}\n" for number in range(1, 1002)]
+    header, *kept = thinned("".join(["iteration,seconds\n", *rows])).splitlines(keepends=True)
+    places = [rows.index(row) for row in kept]
+    assert header == "iteration,seconds\n"
+    assert 100 < len(kept) <= 200
+    assert len({later - earlier for earlier, later in itertools.pairwise(places)}) == 1
+    assert places[-1] == 1000
+    short = "".join(["iteration,seconds\n", *rows[:200]])
+    assert thinned(short) == short
+    assert thinned("") == ""
 
 
 def test_the_command_exports_a_run(tmp_path, robot, capsys):
