@@ -34,8 +34,8 @@ def versions(root: Path, changed: str, monkeypatch: pytest.MonkeyPatch) -> dict[
     ("library", "stale"),
     [
         ("dartpy", {"amp_policy", "cross_engine_validation", "limit_cycles"}),
-        ("torch", {"amp_policy", "exported_policy", *TRACKED}),
-        ("onnx", {"amp_policy", "exported_policy"}),
+        ("torch", {"amp_policy", "exported_policy", "release_report", *TRACKED}),
+        ("onnx", {"amp_policy", "exported_policy", "release_report"}),
         ("mjlab", {"amp_policy", *TRACKED}),
         ("a library of nobody", set()),
     ],
