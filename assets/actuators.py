@@ -18,7 +18,6 @@ from pipeline.feedback.cell_weights import check_limits, lowered
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
 from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
-from pipeline.robot import load_robot
 from pipeline.robot_check.agreement import models_agree
 
 MEASUREMENTS = "actuator_measurements"
@@ -108,7 +107,7 @@ def _with_interval(interval: Any) -> str:
 def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest, plan: Plan):
     """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
     name = plan.robot or DEFAULT_ROBOT
-    nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
+    nominal, folder = PROJECT.robot(name), PROJECT.adapted_robot(name)
     values = PROJECT.read("actuators.yaml", ActuatorSettings)
     calibrations = [Calibration.from_dict(each) for each in actuator_calibration.settings.values()]
     feedback = approved_part(PROJECT, "motors", plan.robot)

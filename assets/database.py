@@ -17,9 +17,8 @@ from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_dat
 from pipeline.expert.manifest import FILE as MANIFEST
 from pipeline.expert.swap import replace_folder
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
-from pipeline.files import digest, settings
+from pipeline.files import digest
 from pipeline.project import DEFAULT_ROBOT, PROJECT
-from pipeline.robot import load_robot
 
 
 @robot_asset("json", checks=CHECKS, blocking=BLOCKING, output_required=False)
@@ -38,9 +37,9 @@ def expert_db(
         yield from last_verdicts(plan, context.instance)
         return
     context.log.info(f"'{plan.key.to_user_string()}' is written: {why}")
-    robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+    robot = PROJECT.robot(plan.robot or DEFAULT_ROBOT)
     folder = PROJECT.expert_db(robot.name)
-    values = settings.read(PROJECT.settings("database.yaml"), DatabaseSettings)
+    values = PROJECT.read("database.yaml", DatabaseSettings)
     manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values, pool=pool)
     realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
     metadata = {
@@ -61,7 +60,7 @@ def expert_db(
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:
-    """An entry for each clip; clips one after the other with equal records share what is said of their stages."""
+    """An entry for each clip; consecutive clips with equal records share one description of their stages."""
     record, stages = None, {}
     for entry in feasible.entries:
         if entry.record != record:
@@ -122,7 +121,7 @@ def _export(plan: Plan, kind: str) -> Any:
 
         def fill(part: Any) -> None:
             source = PROJECT.expert_db(robot)
-            written.append(export_database(source, kind, lambda name: load_robot(PROJECT.robot_folder(name)), part))
+            written.append(export_database(source, kind, PROJECT.robot, part))
 
         replace_folder(folder, fill)
         files = {

@@ -14,7 +14,6 @@ from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_n
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
 from pipeline.feedback.windows import chosen_windows
-from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
 from pipeline.project import PROJECT
 from pipeline.selection import Curation, idle_patterns, process
@@ -27,7 +26,7 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
     from pipeline.catalog import CatalogSettings, catalogue_file
 
-    values = settings.read(PROJECT.settings("catalog.yaml"), CatalogSettings)
+    values = PROJECT.read("catalog.yaml", CatalogSettings)
     stage = stage_of(CATALOG, partial(catalogue_file, settings=values), values)
     motions = find_motions(PROJECT)
     manifest = run_files(stage, motions.files(), PROJECT.store, clip_pool.pool(), context.log)
@@ -46,7 +45,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
     from pipeline.viewing.plots import command_coverage
 
-    curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
+    curation = PROJECT.read("curation.yaml", Curation)
     windows_only = dataclasses.replace(curation, expert_motions="rollouts", decisions=())  # no window depends on these
     stage = stage_of(SELECTED, partial(process, settings=windows_only), windows_only)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
@@ -70,7 +69,7 @@ def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     from pipeline.repair import RepairSettings, prepare, process
     from pipeline.viewing.contact_sheet import worst_clips
 
-    values = settings.read(PROJECT.settings("repair.yaml"), RepairSettings)
+    values = PROJECT.read("repair.yaml", RepairSettings)
     stage = stage_of(REPAIRED, partial(process, settings=values), values, prepare=partial(prepare, settings=values))
     manifest = run_stage(stage, selected_motions, PROJECT.store, clip_pool.pool(), context.log)
     metadata = stage_metadata(manifest, ["filled_frames", "cut_frames", "floor_m", "stance_slip_m_s"])

@@ -194,7 +194,7 @@ _OF_ROBOT = (
         as_they_are=("hardware_trials",),
         **_BARS,
     ),
-    Plan("release_report", VALIDATION, ("release",), as_they_are=RELEASED),
+    Plan("release_report", VALIDATION, ("release", "export", *_WALKS), as_they_are=RELEASED),
 )
 
 

@@ -23,7 +23,6 @@ from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import further_variants, noting
 from pipeline.feedback.change import Change
-from pipeline.files import settings
 from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
 from pipeline.robot.size import scaled
@@ -82,8 +81,8 @@ def motion_variants(
 ):
     """KP4: each clip, its mirror image, both at other speeds, and other steps or postures by the settings."""
 
-    robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
-    values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
+    robot = PROJECT.robot(plan.robot or DEFAULT_ROBOT)
+    values = PROJECT.read("augment.yaml", AugmentSettings)
     feedback = approved_part(PROJECT, "augmentation", plan.robot)
 
     def make(wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
@@ -109,7 +108,7 @@ def reference_motions(
     from pipeline.viewing.contact_sheet import worst_clips
 
     robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-    values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
+    values = scaled(PROJECT.read("feasibility.yaml", FeasibilitySettings), robot)
     function = partial(feasibility, settings=values, robot=robot, references=references_of(motion_variants))
     stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
     manifest = run_stage(stage, motion_variants, PROJECT.store, clip_pool.pool(), context.log)

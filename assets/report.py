@@ -3,6 +3,7 @@
 import base64
 import functools
 import inspect
+import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -39,7 +40,7 @@ def asset_of(
     Args:
         kind: what it is made with, as the graph shows it
         kp: number of its key problem
-        deps: further assets that it depends on, as names or keys; a name is of the same robot, or shared
+        deps: further assets that it depends on, as keys, or as names of assets of the same robot or of all robots
         checks: checks that it declares, name -> description; those of `blocking` stop what is downstream
         specs: further checks by the plan
         others: of `dg.asset`
@@ -60,8 +61,8 @@ def asset_of(
             tags={name: value for name, value in (("robot", plan.robot), ("kp", kp)) if value},
             ins={
                 name: dg.AssetIn(key_of(name, plan.robot))
-                for name, each in inspect.signature(function).parameters.items()
-                if each.annotation is Manifest
+                for name, annotation in typing.get_type_hints(function).items()
+                if annotation is Manifest and name != "return"
             },
             deps=[key_of(each, plan.robot) if isinstance(each, str) else each for each in deps],
             check_specs=[*specs(plan), *declared],
@@ -225,7 +226,7 @@ def as_failure() -> Iterator[None]:
 
 
 def _body(function: Callable[..., Any], plan: Plan) -> Callable[..., Any]:
-    """`as_failure` around the body of an asset, which may be a generator, with its plan where it asks for that."""
+    """The body of an asset within `as_failure`; an argument `plan` is the asset's plan. The body may be a generator."""
     signature = inspect.signature(function)
     given = {"plan": plan} if "plan" in signature.parameters else {}
 

@@ -71,7 +71,7 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
 @robot_asset("mujoco", blocking={"models_agree": MODELS_AGREE})
 def robot_model(context: dg.AssetExecutionContext, plan: Plan):
     """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
-    robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+    robot = PROJECT.robot(plan.robot or DEFAULT_ROBOT)
     facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
     check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
     return result_of(plan, {robot.digest: facts}, {"joints": table_of(joint_table(robot))}, [check])
@@ -89,7 +89,7 @@ def retargeted_motions(
     from pipeline.retarget import RetargetSettings
     from pipeline.retarget.process import onto_robot
 
-    robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+    robot = PROJECT.robot(plan.robot or DEFAULT_ROBOT)
     values = PROJECT.read("retarget.yaml", RetargetSettings)
     stage = stage_of(plan, partial(onto_robot, settings=values, robot=robot), values)
     manifest = run_stage(stage, repaired_motions, PROJECT.store, clip_pool.pool(), context.log)

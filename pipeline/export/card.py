@@ -18,6 +18,8 @@ UNSEALED = "booster-lab policy card 1"
 """Schema of cards that carry no digest of themselves; they are read, not written."""
 SEAL = "sha256"
 """Key of the card's digest of itself."""
+MAX_BYTES = 5_000_000
+"""Largest size of a card. Its memory grows with it: one of unknown keys took 480 times its size."""
 AGAIN = "Export the policy again."
 
 
@@ -64,7 +66,7 @@ def read_card(folder: Path) -> ModelCard:
     path = folder / FILE
     if not path.is_file():
         raise FileError(path, "there is no exported policy here.", "Export one: python -m pipeline.export --help")
-    value = read_json(path, do=AGAIN)
+    value = read_json(path, do=AGAIN, most_bytes=MAX_BYTES)
     if not isinstance(value, dict) or value.get("schema") not in (SCHEMA, UNSEALED):
         raise FileError(path, f"is no card of schema {SCHEMA!r}.", AGAIN)
     _check_seal(path, value)

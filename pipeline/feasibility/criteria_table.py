@@ -203,7 +203,7 @@ def _texts(texts: Sequence[str], rows: np.ndarray) -> pd.Categorical:
 
 @dataclass(frozen=True, kw_only=True)
 class _Facts:
-    """What the table says of a criterion in every row."""
+    """Facts of a criterion that are the same in all its rows."""
 
     group: str
     unit: str

@@ -68,16 +68,21 @@ MAX_JSON_BYTES = 50_000_000
 """Of a file: a database's manifest of 400,000 clips, or a clip of half an hour."""
 
 
-def read_json(path: Path, what: str = "JSON", do: str = "") -> Any:
+def read_json(path: Path, what: str = "JSON", do: str = "", most_bytes: int = MAX_JSON_BYTES) -> Any:
     """The value of a JSON file.
 
-    `what` names the expected content and `do` the remedy in the error. Raises FileError for a file that is missing,
-    too large, nested too deeply or not JSON; NaN and infinities are not JSON.
+    Raises FileError for a file that is missing, too large, nested too deeply or not JSON; NaN and infinities are not
+    JSON.
+
+    Args:
+        what: the expected content, as the error names it
+        do: the remedy that the error names
+        most_bytes: largest size of the file
     """
     if not path.is_file():
         raise FileError(path, "the file does not exist.", do)
-    if path.stat().st_size > MAX_JSON_BYTES:
-        raise FileError(path, f"the file is larger than the {MAX_JSON_BYTES} bytes allowed.", do)
+    if path.stat().st_size > most_bytes:
+        raise FileError(path, f"the file is larger than the {most_bytes} bytes allowed.", do)
     try:
         return json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
     except (ValueError, RecursionError) as error:

@@ -46,6 +46,7 @@ class Project:
         return tuple(sorted(names, key=lambda name: name != DEFAULT_ROBOT))
 
     def robot_folder(self, robot: str) -> Path:
+        """The folder `robots/<robot>`, whether or not it exists; `robot` raises UnknownNameError."""
         return self.root / "robots" / robot
 
     def robot(self, name: str) -> Robot:
@@ -63,7 +64,7 @@ class Project:
         return settings.read(self.settings(name), kind)
 
     def validation(self, robot: str) -> ValidationSettings:
-        """Rules and a robot's thresholds for policies."""
+        """Rules and a robot's thresholds for policies. Raises SettingsError, for an unknown robot too."""
         return read_validation(self.settings("validation.yaml"), self.robot_folder(robot) / "validation.yaml")
 
     def expert_db(self, robot: str) -> Path:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
-from pipeline.errors import ClipError
+from pipeline.errors import ClipError, PipelineError
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget.robot_body import ankle_pitch, measure
 from pipeline.retarget.settings import RetargetSettings, WeightSettings
@@ -326,10 +326,13 @@ def _urdf(robot: Robot) -> str:
     """The robot's URDF with what the tasks need: no sites, joints that are not controlled fixed at their default, and
     a frame of its own for each link that has the name of a joint."""
     root = Xml.fromstring(robot.urdf)
-    sites = {name for site in robot.site_names for name in (site, f"{site}_fixed")}
-    for part in list(root):
-        if part.get("name") in sites:
-            root.remove(part)
+    for link in root.findall("link"):
+        if link.get("name") in robot.site_names:
+            root.remove(link)
+    for joint in root.findall("joint[@type='fixed']"):
+        child = joint.find("child")
+        if child is not None and child.get("link") in robot.site_names:
+            root.remove(joint)
     for name in set(robot.joint_names) - set(robot.controlled):
         _fix(root, name, float(robot.default_joint_pos[robot.joint(name)]))
     for link in robot.link_names:
@@ -342,9 +345,10 @@ def _urdf(robot: Robot) -> str:
 
 
 def _fix(urdf: Xml.Element, name: str, angle: float) -> None:
-    """Make a hinge of a URDF a fixed joint at `angle` [rad]."""
+    """Make a hinge of a URDF a fixed joint at `angle` [rad]. Raises PipelineError where it has no origin or axis."""
     joint, origin, axis = (urdf.find(f"joint[@name='{name}']{below}") for below in ("", "/origin", "/axis"))
-    assert joint is not None and origin is not None and axis is not None
+    if joint is None or origin is None or axis is None:
+        raise PipelineError(f"the URDF has no joint '{name}' with an origin and an axis, so it can't be fixed.")
     rpy, axis_b = (np.array(text.split(), float) for text in (origin.attrib["rpy"], axis.attrib["xyz"]))
     turned = Rotation.from_euler("xyz", rpy) * Rotation.from_rotvec(angle * axis_b)
     origin.set("rpy", " ".join(map(str, turned.as_euler("xyz"))))

@@ -70,17 +70,17 @@ def forward(
 
     The links of a level are computed as one array of quaternions over links and frames: numpy is fastest on one axis.
     """
-    frames = len(joint_pos)
+    frames, moved = len(joint_pos), len(tree.parent) - 1
     pos, quat = (np.empty((len(tree.parent), *root.shape)) for root in (root_pos_w, root_quat_w))
     pos[0], quat[0] = root_pos_w, root_quat_w
     turns = rotation.from_axis_angle(np.repeat(tree.axis[1:], frames, axis=0), joint_pos[:, tree.joint[1:]].T.ravel())
-    in_parent = rotation.multiply(np.repeat(tree.quat[1:], frames, axis=0), turns).reshape(-1, frames, 4)
+    in_parent = rotation.multiply(np.repeat(tree.quat[1:], frames, axis=0), turns).reshape(moved, frames, 4)
     for links in tree.levels:
         parent = tree.parent[links]
         above = quat[parent].reshape(-1, 4)
         from_parent_w = rotation.rotate(above, np.repeat(tree.pos[links], frames, axis=0))
-        pos[links] = pos[parent] + from_parent_w.reshape(-1, frames, 3)
-        quat[links] = rotation.multiply(above, in_parent[links - 1].reshape(-1, 4)).reshape(-1, frames, 4)
+        pos[links] = pos[parent] + from_parent_w.reshape(len(links), frames, 3)
+        quat[links] = rotation.multiply(above, in_parent[links - 1].reshape(-1, 4)).reshape(len(links), frames, 4)
     return pos.swapaxes(0, 1).copy(), quat.swapaxes(0, 1).copy()
 
 

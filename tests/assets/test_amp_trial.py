@@ -19,7 +19,7 @@ from pipeline.project import Project
 from tests.factories.robot_clips import standing, wandering
 from tests.factories.sweeps import SETTINGS
 
-TRAINED, DATABASE, ADAPTED = (robot_plans("t1")[name] for name in ("amp_policy", "expert_db", "adapted_robot"))
+TRAINED = robot_plans("t1")["amp_policy"]
 
 
 @pytest.fixture

@@ -7,8 +7,10 @@ import pytest
 
 from assets.definitions import defs
 from assets.freshness import topological
-from assets.plan import EXPORTS, group_of, plans
+from assets.plan import EXPORTS, Plan, group_of, plans, robot_plans
+from assets.report import robot_asset
 from assets.robot_motions import robot_assets
+from pipeline.batch import Manifest
 from pipeline.project import PROJECT
 
 LINEAGE = {
@@ -107,6 +109,16 @@ def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
         for name in LINEAGE.keys() - set(EXPORTS.values())
         if "motions" in name or name in (*MODEL, *TRACKING, "expert_db", *APPROVED[1:])
     } - {"k9/raw_motions", "k9/selected_motions", "k9/repaired_motions"}
+
+
+def test_an_input_is_found_where_its_annotation_is_text():
+    @robot_asset("numpy")
+    def motion_variants(retargeted_motions: "Manifest", plan: "Plan"):
+        """An asset of a module whose annotations are not evaluated."""
+
+    assert motion_variants(robot_plans("k1")["motion_variants"]).dependency_keys == {
+        dg.AssetKey(["k1", "retargeted_motions"])
+    }
 
 
 def test_every_asset_has_a_plan_a_description_and_a_group():

@@ -23,7 +23,7 @@ from tests.factories.training_stand_in import write_training_stand_in
 
 PLANS = robot_plans("t1")
 TRAINED, EXPORTED = PLANS["amp_policy"], PLANS["exported_policy"]
-DATABASE, ADAPTED, MODEL = (PLANS[name] for name in ("expert_db", "adapted_robot", "robot_model"))
+DATABASE, MODEL = PLANS["expert_db"], PLANS["robot_model"]
 FREE = {"strictest": "public-domain", "allowed_use": "Any use."}
 CLOSED = {"strictest": "non-commercial", "allowed_use": "Research.", "licences": {"AMASS": "non-commercial"}}
 

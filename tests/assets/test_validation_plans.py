@@ -5,15 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from assets.plan import Plan, robot_plans
+from assets.plan import FIELD, Plan, robot_plans
 from pipeline.batch.code_version import BELOW_ALL_STAGES
 
-PLANS = robot_plans("t1")
+PLANS = {plan.name: plan for plan in (*FIELD, *robot_plans("t1").values())}
 RUN_BY = {
     "mujoco_validation": ("validation/figures", "validation/suites", "validation/verdict", "validation/failed_trials"),
     "cross_engine_validation": ("validation/cross_engine", "validation/cross_engine_trials"),
     "webots_validation": ("webots/validate", "webots/project", "validation/deployed"),
     "limit_cycles": ("validation/limit_cycle_walks", "hardware_logs/trial"),
+    "failure_modes": ("failures/find", "feedback/sim_to_real"),
+    "release_report": ("release/dossier", "release/page", "export/card", "validation/deployed"),
 }
 """Modules of `pipeline` that an asset calls."""
 

@@ -51,7 +51,7 @@ def task(robot: Robot) -> DeploymentTask:
     return deployment_task(robot)
 
 
-def _told(task: DeploymentTask) -> tuple[Reading, np.ndarray]:
+def _reading_and_command(task: DeploymentTask) -> tuple[Reading, np.ndarray]:
     """A reading and a command of numbers that are all different."""
     count = len(task.joint_names)
     reading = Reading(
@@ -71,7 +71,7 @@ def test_the_networks_joints_are_the_controlled_ones_in_the_vendors_order(task: 
 
 def test_a_frame_has_each_number_in_its_place(task: DeploymentTask):
     action = 300.0 + np.arange(21)
-    found = frame(task, *_told(task), action)
+    found = frame(task, *_reading_and_command(task), action)
     np.testing.assert_allclose(found[:9], np.arange(1, 10) / 10.0)
     np.testing.assert_allclose(found[9:30], 100.0 + task.policy_index)
     np.testing.assert_allclose(found[30:51], 200.0 + task.policy_index)
@@ -80,7 +80,7 @@ def test_a_frame_has_each_number_in_its_place(task: DeploymentTask):
 
 def test_the_parts_of_a_reading_are_taken_by_keyword_alone(task: DeploymentTask):
     with pytest.raises(TypeError, match="positional"):
-        Reading(*vars(_told(task)[0]).values())  # type: ignore[reportCallIssue]
+        Reading(*vars(_reading_and_command(task)[0]).values())  # type: ignore[reportCallIssue]
 
 
 def test_the_history_starts_with_zeros_and_has_the_newest_last(task: DeploymentTask):
@@ -98,7 +98,7 @@ def test_the_history_starts_with_zeros_and_has_the_newest_last(task: DeploymentT
 def test_targets_are_default_plus_a_quarter_of_the_action_and_the_head_is_held(task: DeploymentTask):
     bias = np.arange(1.0, 22.0)
     controller = PolicyController(task, linear_policy(np.zeros((21, 720)), bias))
-    targets = controller.targets(*_told(task))
+    targets = controller.targets(*_reading_and_command(task))
     away = dict(zip(task.joint_names, targets - task.default_joint_pos, strict=True))
     assert away["AAHead_yaw"] == away["Head_pitch"] == 0.0
     for number, name in enumerate(VENDOR_ORDER, 1):
@@ -110,10 +110,10 @@ def test_the_last_action_comes_back_and_reset_forgets_it(task: DeploymentTask):
     weight[:, -21:] = np.eye(21)
     controller = PolicyController(task, linear_policy(weight, np.ones(21)))
     for step in range(1, 4):
-        controller.targets(*_told(task))
+        controller.targets(*_reading_and_command(task))
         np.testing.assert_array_equal(controller.last_action, step)
     controller.reset()
-    controller.targets(*_told(task))
+    controller.targets(*_reading_and_command(task))
     np.testing.assert_array_equal(controller.last_action, 1.0)
     np.testing.assert_array_equal(controller.observation[:-72], 0.0)
 
@@ -121,20 +121,22 @@ def test_the_last_action_comes_back_and_reset_forgets_it(task: DeploymentTask):
 def test_two_controllers_share_nothing(task: DeploymentTask):
     policy = still_policy(task)
     one, two = PolicyController(task, policy), PolicyController(task, policy)
-    one.targets(*_told(task))
+    one.targets(*_reading_and_command(task))
     assert not two.observation.any()
-    assert one.targets(*_told(task)) is not task.default_joint_pos
+    assert one.targets(*_reading_and_command(task)) is not task.default_joint_pos
 
 
 def test_a_fork_goes_on_alike_and_apart(task: DeploymentTask):
     weight = np.zeros((21, 720))
     weight[:, -21:] = np.eye(21)
     controller = PolicyController(task, linear_policy(weight, np.ones(21)))
-    controller.targets(*_told(task))
+    controller.targets(*_reading_and_command(task))
     fork = controller.fork()
-    np.testing.assert_array_equal(fork.targets(*_told(task)), controller.targets(*_told(task)))
+    np.testing.assert_array_equal(
+        fork.targets(*_reading_and_command(task)), controller.targets(*_reading_and_command(task))
+    )
     np.testing.assert_array_equal(fork.observation, controller.observation)
-    fork.targets(*_told(task))
+    fork.targets(*_reading_and_command(task))
     np.testing.assert_array_equal(controller.last_action, 2.0)
     np.testing.assert_array_equal(fork.last_action, 3.0)
 

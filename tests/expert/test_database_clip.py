@@ -1,6 +1,7 @@
 """One clip file of a database, which may come from others: read as it was written, or refused in one sentence."""
 
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from pipeline.errors import FileError
 from pipeline.expert import DatabaseSettings, ExpertEntry, write_database
 from pipeline.expert.database_clip import read_database_clip
 from pipeline.expert.index import read_table
-from pipeline.files import csv_json
+from pipeline.files.csv_json import MAX_JSON_BYTES
 from tests.factories.robot_clips import wandering
 
 
@@ -69,15 +70,15 @@ def test_a_clip_that_can_not_be_one_is_refused(written, robot, tmp_path, change,
         read_database_clip(tmp_path / "clip.json", robot)
 
 
-def test_a_file_that_is_too_deep_or_too_large_is_refused(robot, tmp_path, monkeypatch):
+def test_a_file_that_is_too_deep_or_too_large_is_refused(robot, tmp_path):
     path = tmp_path / "clip.json"
     path.write_text("[" * 100_000 + "]" * 100_000)
     for read in (lambda: read_database_clip(path, robot), lambda: clip_of(path)):
         with pytest.raises(FileError, match=r"clip\.json: not .*recursion"):
             read()
-    monkeypatch.setattr(csv_json, "MAX_JSON_BYTES", 1_000)
+    os.truncate(path, MAX_JSON_BYTES + 1)
     for read in (lambda: read_database_clip(path, robot), lambda: clip_of(path)):
-        with pytest.raises(FileError, match=r"clip\.json: the file is larger than the 1000 bytes allowed"):
+        with pytest.raises(FileError, match=r"clip\.json: the file is larger than the 50000000 bytes allowed"):
             read()
 
 

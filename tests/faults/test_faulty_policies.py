@@ -246,8 +246,23 @@ def test_the_page_of_a_card_has_no_markup_of_its_values():
     assert command.endswith("--seed 1 |") and "<" not in command
 
 
-@pytest.mark.parametrize("text", ["null", "[]", "3", "{", "[" * 5_000 + "]" * 5_000, '{"schema": null}'])
-def test_what_is_no_card_is_refused(tmp_path, text):
+NO_CARD = f"is no card of schema '{SCHEMA}'"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("null", NO_CARD),
+        ("[]", NO_CARD),
+        ("3", NO_CARD),
+        ('{"schema": null}', NO_CARD),
+        ("{", "not JSON"),
+        ("[" * 5_000 + "]" * 5_000, "not JSON .*recursion"),
+        (json.dumps({"schema": SCHEMA, "x": " " * 5_000_000}), "the file is larger than the 5000000 bytes allowed"),
+    ],
+    ids=["null", "list", "number", "no schema", "cut off", "deep", "large"],
+)
+def test_what_is_no_card_is_refused(tmp_path, text, says):
     (tmp_path / FILE).write_text(text)
-    with pytest.raises(FileError, match=r"card\.json: (is no|not JSON)"):
+    with pytest.raises(FileError, match=rf"card\.json: {says}.* Export the policy again\."):
         read_card(tmp_path)

@@ -5,6 +5,7 @@ import functools
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree as Xml
 
 import mujoco
 import numpy as np
@@ -14,16 +15,17 @@ from pipeline import rotation, time_series
 from pipeline.clips import codec
 from pipeline.clips.human_clip import HumanClip, body
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.errors import ClipError
+from pipeline.errors import ClipError, PipelineError
 from pipeline.files import digest
 from pipeline.files import settings as settings_file
 from pipeline.quality import retargeting, sole
-from pipeline.retarget import RetargetSettings, process
+from pipeline.retarget import RetargetSettings, process, solver
 from pipeline.retarget.process import onto_robot
-from pipeline.robot import Kinematics, load_robot, mujoco_model
+from pipeline.robot import Kinematics, load_robot, mujoco_model, render
 from pipeline.scoring import FIGURES, score
 from tests.factories.human_clips import Gait, standing, turned, walker
 from tests.factories.retarget_clips import mirrored, person_of, scaled
+from tests.factories.robot_folder import copy_robot, replace
 
 ROOT = Path(__file__).resolve().parents[2]
 ROBOT = load_robot("t1")
@@ -177,6 +179,21 @@ def test_another_process_gives_the_same_bytes():
     )
     other = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert other.stdout.strip() == digest.of_bytes(codec.encode(walking()[1]))
+
+
+def test_a_site_with_the_name_of_a_joint_changes_no_motion(tmp_path):
+    """Sites are taken out of the solver's URDF; the joint that bore the name of one once went with it."""
+    folder = copy_robot(ROOT / "robots" / "t1", tmp_path)
+    replace(folder / "sites.csv", "imu,Trunk,", "Left_Elbow_Yaw,Trunk,")
+    assert render.main([str(folder)]) == 0
+    human = walker(seconds=1.0)
+    (piece,) = process(human, {}, settings=SETTINGS, robot=load_robot(folder)).pieces
+    assert codec.encode(piece.clip) == codec.encode(retarget(human))
+
+
+def test_a_joint_that_can_not_be_fixed_is_named():
+    with pytest.raises(PipelineError, match="no joint 'Waist' with an origin and an axis"):
+        solver._fix(Xml.fromstring('<robot><joint name="Waist" type="revolute"/></robot>'), "Waist", 0.1)
 
 
 def test_limbs_trunk_and_heading_follow_the_person():

@@ -71,6 +71,12 @@ def test_a_link_alone_is_where_it_is_among_all_links(models: Models, poses: Pose
         assert kinematics.link_pos_w(*poses, link) == pytest.approx(every[:, link], abs=1e-12)
 
 
+def test_a_motion_of_no_frames_has_no_poses(robot: Robot, poses: Poses):
+    links = len(robot.link_names)
+    none = Kinematics(robot).forward(*(values[:0] for values in poses))
+    assert none.pos_w.shape == (0, links, 3) and none.quat_w.shape == (0, links, 4)
+
+
 def test_sites_are_where_the_frames_of_their_names_are(models: Models, poses: Poses):
     robot = models.robot
     kinematics = Kinematics(robot)
