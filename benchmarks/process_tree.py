@@ -1,8 +1,13 @@
-"""A command run to its end while the memory and processor time of its process and all below it are sampled."""
+"""A command run to its end while the memory and processor time of its process and all below it are sampled.
+
+Processor time of processes that have ended is their parents' (`cutime`, `cstime` of /proc/PID/stat), so none is lost
+however short a process lives. Memory of a process that lives for less than `LIST_EVERY_S` may be missed.
+"""
 
 from __future__ import annotations
 
 import os
+import resource
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
@@ -12,7 +17,7 @@ from pathlib import Path
 import psutil
 
 PERIOD_S = 0.05
-CHILDREN_S = 0.5
+LIST_EVERY_S = 0.1
 """How often the processes below the main one are listed: that takes longer than sampling them."""
 MB = 1e6
 
@@ -28,7 +33,8 @@ class Sample:
     tree_mb: float
     """Of it and all processes below it."""
     cpu_s: float
-    """Processor time, user and system, of all processes so far, those that have ended included [s]."""
+    """Processor time, user and system, of all processes so far, those that have ended and were waited for included
+    [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +45,7 @@ class Watched:
     """Seconds since the epoch."""
     wall_s: float
     cpu_s: float
-    """Processor time, user and system, of all processes."""
+    """Processor time, user and system, of the command and all processes below it that were waited for [s]."""
     samples: tuple[Sample, ...]
     output: str
 
@@ -62,23 +68,26 @@ class Watched:
 def watch(command: Sequence[str], *, folder: Path, environment: Mapping[str, str], log: Path) -> Watched:
     """Run a command in a folder, output to the file `log`. Raises RuntimeError with its last lines when it fails."""
     samples: list[Sample] = []
-    cpu_s: dict[int, float] = {}
+    before_s, cpu_s = _ended_cpu_s(), 0.0
     started_s, clock_s = time.time(), time.perf_counter()
     with log.open("w") as stream:
         process = subprocess.Popen(
             command, cwd=folder, env={**environment}, stdout=stream, stderr=subprocess.STDOUT, text=True
         )
-        main, tree, listed_s = psutil.Process(process.pid), [], -CHILDREN_S
+        main, tree, listed_s = psutil.Process(process.pid), [], -LIST_EVERY_S
         while process.poll() is None:
-            if time.perf_counter() - listed_s >= CHILDREN_S:
+            if time.perf_counter() - listed_s >= LIST_EVERY_S:
                 tree, listed_s = _tree(main), time.perf_counter()
-            samples += _sample(tree, cpu_s)
+            for sample in _sample(tree, cpu_s):
+                samples.append(sample)
+                cpu_s = sample.cpu_s
             time.sleep(PERIOD_S)
     wall_s = time.perf_counter() - clock_s
     output = log.read_text()
     if process.returncode != 0:
         raise RuntimeError(f"{' '.join(command)} ended with {process.returncode}:\n{output[-3000:]}")
-    return Watched(started_s=started_s, wall_s=wall_s, cpu_s=sum(cpu_s.values()), samples=tuple(samples), output=output)
+    cpu_s = _ended_cpu_s() - before_s
+    return Watched(started_s=started_s, wall_s=wall_s, cpu_s=cpu_s, samples=tuple(samples), output=output)
 
 
 def clean_environment(root: Path, executables: Path) -> dict[str, str]:
@@ -95,17 +104,30 @@ def _tree(main: psutil.Process) -> list[psutil.Process]:
         return []
 
 
-def _sample(processes: Sequence[psutil.Process], cpu_s: dict[int, float]) -> list[Sample]:
-    """One sample, none where the first process has ended; notes the processor time of each process so far."""
-    memory = []
+def _ended_cpu_s() -> float:
+    """Processor time of the children of this process that have ended, and of theirs [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _sample(processes: Sequence[psutil.Process], least_cpu_s: float) -> list[Sample]:
+    """One sample, none where the first process has ended.
+
+    Args:
+        least_cpu_s: processor time of the sample before. A process that ends while the sample is taken may be in
+            neither its own numbers nor its parent's; the time so far never decreases.
+    """
+    memory, cpu_s = [], 0.0
     for process in processes:
         try:
             with process.oneshot():
-                memory.append(process.memory_info().rss / MB)
-                times = process.cpu_times()
-                cpu_s[process.pid] = times.user + times.system
+                own_mb, times = process.memory_info().rss / MB, process.cpu_times()
         except psutil.NoSuchProcess:
+            if not memory:
+                return []
             continue
+        memory.append(own_mb)
+        cpu_s += times.user + times.system + times.children_user + times.children_system
     if not memory:
         return []
-    return [Sample(time_s=time.time(), main_mb=memory[0], tree_mb=sum(memory), cpu_s=sum(cpu_s.values()))]
+    return [Sample(time_s=time.time(), main_mb=memory[0], tree_mb=sum(memory), cpu_s=max(cpu_s, least_cpu_s))]

@@ -97,6 +97,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--memory", metavar="CLIPS", type=int, help="only measure memory over so many clips")
     parser.add_argument("--json", action="store_true")
     parsed = parser.parse_args()
+    if parsed.repeat < 1:
+        parser.error("--repeat must be 1 or more: speed is the median of the repeated runs")
     if not parsed.paths and not parsed.memory:
         parser.error("name motion files, or folders of them")
     if (parsed.gmr is None) != (parsed.gmr_repo is None):

@@ -171,21 +171,24 @@ class Store:
     def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
         """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again."""
         version = code_version()
-        asked: dict[str, tuple[list[str], list[str]]] = {}
+        unchecked: list[tuple[str, list[str], list[str]]] = []  # key of the answer, clips, blobs
         for shard in manifest.entry_shards:
             columns = shard.columns(["clip", "blob"])
             key = digest.of_json([ROUND_TRIPS, version, columns["blob"]])
             if self.recall(key, ROUND_TRIPS) is None:
-                asked[key] = columns["clip"], columns["blob"]
-        every = [blob for _, blobs in asked.values() for blob in blobs]
-        calls = [(every[first : first + A_CALL],) for first in range(0, len(every), A_CALL)]
+                unchecked.append((key, columns["clip"], columns["blob"]))
+        to_read = list(dict.fromkeys(blob for _, _, blobs in unchecked for blob in blobs))
+        calls = [(to_read[first : first + A_CALL],) for first in range(0, len(to_read), A_CALL)]
         answers = pool.map(self._all_round_trip, calls, shared=self.shared_folders)
-        whole = dict(zip(every, itertools.chain.from_iterable(answers), strict=True))
-        for key, (_, blobs) in asked.items():
-            if all(whole[blob] for blob in blobs):
+        round_trips = dict(zip(to_read, itertools.chain.from_iterable(answers), strict=True))
+        for key, _, blobs in unchecked:
+            if all(round_trips[blob] for blob in blobs):
                 self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
         return [
-            clip for clips, blobs in asked.values() for clip, blob in zip(clips, blobs, strict=True) if not whole[blob]
+            clip
+            for _, clips, blobs in unchecked
+            for clip, blob in zip(clips, blobs, strict=True)
+            if not round_trips[blob]
         ]
 
     def _all_round_trip(self, blobs: list[str]) -> list[bool]:

@@ -52,7 +52,10 @@ def encode(clip: HumanClip | RobotClip) -> bytes:
 
 
 def decode(data: bytes, name: str) -> HumanClip | RobotClip:
-    """The clip that `encode` was given, under a name. Raises CodecError for bytes that are no clip."""
+    """The clip that `encode` was given, under a name, its arrays read-only: windows of one clip share them.
+
+    Raises CodecError for bytes that are no clip.
+    """
     try:
         return _decoded(data, name)
     except MemoryError:
@@ -75,7 +78,7 @@ def _decoded(data: bytes, name: str) -> HumanClip | RobotClip:
     }
     contacts = arrays.pop("contacts", None)
     common: dict[str, Any] = {"name": name, "fps": head["fps"], **arrays}
-    common["contacts"] = None if contacts is None else contacts > 0.5
+    common["contacts"] = None if contacts is None else _read_only(contacts > 0.5)
     if head["kind"] == "human":
         return HumanClip(**common)
     forces = {name: common.pop(name) for name in FORCES if name in common}
@@ -100,7 +103,12 @@ def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:
 
 
 def _from_column(column: pa.FixedSizeListArray) -> np.ndarray:
-    return column.values.to_numpy().astype(np.float64)
+    return _read_only(column.values.to_numpy().astype(np.float64))
+
+
+def _read_only(values: np.ndarray) -> np.ndarray:
+    values.flags.writeable = False
+    return values
 
 
 UNIT_TOLERANCE = 1e-6

@@ -106,16 +106,22 @@ def rounded(frames: Float[np.ndarray, "t c"], controlled: int) -> Float[np.ndarr
 def numbers_text(frames: Float[np.ndarray, "t c"]) -> bytes:
     """The JSON array of each frame, a line a frame: the bytes of Python's `json`, in a fifth of its time.
 
-    They are the same for 0 and for sizes from 1e-9 to below 1e16, which `rounded` frames have: of at most 8 decimals.
+    They are the same for 0 and for sizes from 1e-9, the least that `rounded` frames have: of at most 8 decimals.
 
-    Raises ValueError for a number that is not finite.
+    Raises ValueError for a number that is not finite, or whose size is 1e16 or more: those are written with a positive
+    exponent.
     """
     if not np.isfinite(frames).all():
         raise ValueError("a number of a frame is not finite")
+    if np.abs(frames).max(initial=0.0) >= LEAST_WITH_EXPONENT:
+        raise ValueError(f"a number of a frame has a size of {LEAST_WITH_EXPONENT:g} or more")
     lines = _SMALL.sub(_with_exponent, _ENCODER.encode_lines(frames.tolist())[:-1])
     first, *rest = lines.split(b"e")  # a single letter is found in a third of the time of `e-`
     return b"e-0".join([first, *(part[1:] for part in rest)]).replace(b"\n", b",\n")
 
+
+LEAST_WITH_EXPONENT = 1e16
+"""Numbers of this size and above are written with a positive exponent."""
 
 _ENCODER = msgspec.json.Encoder()
 

@@ -136,10 +136,11 @@ def write_database(
 ) -> dict:
     """Replace the database in `folder` by one of `entries`; its manifest.
 
-    The new one is read and checked before it takes the place of the old one. The order of the entries doesn't matter;
-    a few are written at a time, as they come, and let go. Raises ClipError for an entry that can't be in the database
-    (rate, joints, weight, a name given twice), NoClipsError, DatabaseError where what was written does not read back,
-    and FileError when the disk refuses; the previous database stays then.
+    Before it replaces the old one, the new one is checked: the frames that are encoded here, the clip files that
+    `_write_files` reads back, and every file's digest. The order of the entries doesn't matter; a few are written at a
+    time, as they come, and let go. Raises ClipError for an entry that can't be in the database (rate, joints, weight, a
+    name given twice), NoClipsError, DatabaseError where one of these checks finds a fault, and FileError when the disk
+    refuses; the previous database stays then.
 
     Args:
         stages: version and settings of each stage, for the manifest
@@ -229,7 +230,7 @@ def _frames_text(frames: Float[np.ndarray, "t c"]) -> bytes:
 def _write_clips(
     part: Path, entries: Iterable[ExpertEntry], robot: Robot, pool: ClipPool, known: Known
 ) -> Iterator[dict[str, Any]]:
-    """A row of the index for each entry, written. Raises DatabaseError where a clip does not read back."""
+    """A row of the index for each entry, written. Raises DatabaseError with the faults that `_write_files` found."""
     names: set[str] = set()
     texts: dict[str, str] = {}
     stages, stages_text = None, ""
@@ -291,7 +292,9 @@ def _write_files(
 ) -> list[Written]:
     """Entries written: those whose frames the database in place has are copied, others checked and encoded.
 
-    Of those encoded the first is read back from the disk: to read all would take as long as to encode them.
+    The first that is encoded is read back from the disk and checked whole. Reading all of them would take as long as
+    encoding them: of the others the frames are checked in memory, and the digest of the bytes is compared with that of
+    the file when all are written.
     """
     columns_text, head = _columns_text(robot), manifest.frame_facts(robot)
     copied = [written.text(in_place) if written else None for _, written in entries]

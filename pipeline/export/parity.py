@@ -83,7 +83,10 @@ def replay(task: DeploymentTask, policy: Policy, **readings: np.ndarray) -> Gold
 
 
 def write_golden(path: Path, golden: GoldenVectors) -> None:
-    """Write golden vectors as an npz of double precision, whole or not at all."""
+    """Write golden vectors as an npz of double precision, whole or not at all.
+
+    It is deflated, a fifth of the size: another build of zlib may write other bytes for equal vectors.
+    """
     stream = io.BytesIO()
     np.savez_compressed(stream, **{each.name: getattr(golden, each.name) for each in fields(golden)})
     atomic.write_bytes(path, stream.getvalue())

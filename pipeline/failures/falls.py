@@ -118,6 +118,8 @@ LOW = 0.006
 """A sole whose lowest corner is within this of the lower foot's is on the ground [m]."""
 FIRM_S = 0.05
 """Time after touchdown and before lift-off that does not count as standing [s]."""
+BEARS = 0.2
+"""Share of the weight on a sole that bears; a foot that swings close to the ground is low and fast without a load."""
 
 
 def stumbles(signals: Signals, settings: StumbleSettings, until_s: float) -> list[Failure]:
@@ -143,14 +145,14 @@ def stumbles(signals: Signals, settings: StumbleSettings, until_s: float) -> lis
 
 
 def standing_feet(signals: Signals) -> np.ndarray:
-    """Soles (n, 2) that stand firmly: on the ground since `FIRM_S` and for as long on."""
+    """Soles (n, 2) that stand firmly: on the ground since `FIRM_S` and for as long on, with a load."""
     down = signals.sole_height < LOW
     margin = round(FIRM_S * signals.fps)
     firm = np.zeros_like(down)
     for side in range(2):
         for start, stop in time_series.runs(down[:, side]):
             firm[start + margin : max(stop - margin, start + margin), side] = True
-    return firm
+    return firm & (signals.support > BEARS)
 
 
 def slips(signals: Signals, settings: SlipSettings, until_s: float) -> list[Failure]:

@@ -122,7 +122,7 @@ def belongs(path: Path, manifest: Path) -> bool:
 def read(
     path: Path, manifest: Path, asset: str = "feasible_motions", columns: Sequence[str] | None = None
 ) -> pd.DataFrame:
-    """The table at `path`, its texts as categories.
+    """The table at `path`, its texts as categories in alphabetical order, as `split` makes them.
 
     Raises FileError, with the asset to materialize, where there is none of this manifest.
 
@@ -138,7 +138,13 @@ def read(
         )
         raise FileError(path, problem, f"Run: dagster asset materialize --select {asset}")
     wanted = None if columns is None else list(columns)
-    return pq.read_table(path, columns=wanted, read_dictionary=list(TEXTS)).to_pandas()
+    table = pq.read_table(path, columns=wanted, read_dictionary=list(TEXTS)).to_pandas()
+    return table.assign(**{name: _sorted(table[name]) for name in TEXTS if name in table})
+
+
+def _sorted(texts: pd.Series) -> pd.Series:
+    """Categories in alphabetical order; those of a file are in the order of their first rows."""
+    return texts.cat.reorder_categories(texts.cat.categories.sort_values())
 
 
 def by_criterion(table: pd.DataFrame) -> pd.DataFrame:

@@ -10,6 +10,7 @@ import pytest
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.batch.again import AGAIN_VARIABLE
 from pipeline.batch.run import progress
+from pipeline.batch.shard import Rows, shard_of
 from pipeline.clips.outcome import Outcome, Piece, Reason
 from pipeline.errors import ClipError, FileError
 from tests.factories.clips import robot_clip
@@ -194,3 +195,25 @@ def test_blobs_that_do_not_round_trip_are_named_by_their_clips(store):
     assert store.damaged(made, ClipPool(workers=2)) == []
     store.own_blobs.path(made.entries[1].blob).write_bytes(b"damaged")
     assert store.damaged(made, POOL) == ["b"]
+
+
+def test_every_clip_of_a_damaged_blob_is_named(store):
+    """`a/one` and `b/one` are in shards of their own, which name the same blob."""
+    blob = store.put_clip(robot_clip(frames=5, name="one"))
+    shards = [shard_of(Entry, [Entry(clip=name, blob=blob, numbers={})]) for name in ("a/one", "b/one")]
+    made = Manifest(stage="before", entries=Rows([store.put_shard(shard) for shard in shards]), judged=())
+    store.own_blobs.path(blob).write_bytes(b"damaged")
+    assert store.damaged(made, POOL) == ["a/one", "b/one"]
+
+
+def test_a_stage_that_writes_to_its_clip_fails(store):
+    """Windows of one clip share its arrays, so the next window would be of a changed clip."""
+
+    def lift(clip, numbers):
+        clip.root_pos_w[:, 2] += 0.1
+        return Outcome(pieces=(Piece(clip=clip, numbers={}),))
+
+    found = run_stage(Stage(name="lift", version="1", function=lift), manifest_of(store, ["a"]), store, POOL, LOG)
+    assert found.entries == ()
+    (reason,) = found.judged[0].reasons
+    assert "ValueError: output array is read-only" in reason["text"]

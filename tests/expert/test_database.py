@@ -140,6 +140,36 @@ def test_a_file_that_does_not_read_back_keeps_the_database_out_of_its_place(robo
     assert not (tmp_path / "t1").exists()
 
 
+def test_a_fault_in_a_clip_that_is_not_read_back_is_found(robot: Robot, tmp_path: Path):
+    """Of the three clips that one process writes in a call, only the first is read back."""
+    entries = _entries(robot, 3)
+    clip = _motion(entries[1])
+    entries[1] = dataclasses.replace(
+        entries[1], clip=dataclasses.replace(clip, root_quat_w=clip.root_quat_w * np.linspace(1.0, 1.001, 60)[:, None])
+    )
+    with pytest.raises(DatabaseError, match=r"frame 59 has a quaternion whose length is off by 1\.0e-03") as raised:
+        write_database(tmp_path / "t1", entries, robot, stages={}, pool=ClipPool(workers=1))
+    (fault,) = raised.value.faults
+    assert fault.startswith(file_name(clip.name))
+    assert not (tmp_path / "t1").exists()
+
+
+@pytest.mark.parametrize("changed", [0, 2])
+def test_a_file_that_changes_before_the_last_check_is_found(robot: Robot, tmp_path: Path, monkeypatch, changed: int):
+    encode, file = write.index.encode, file_name(f"source/clip{changed}@0-60~mirror")
+
+    def change_and_encode(rows: list[dict]) -> bytes:
+        path = tmp_path / ".t1.part" / file
+        path.write_bytes(path.read_bytes().replace(b"0.", b"1.", 1))
+        return encode(rows)
+
+    monkeypatch.setattr(write.index, "encode", change_and_encode)
+    with pytest.raises(DatabaseError, match="its content is not the one the manifest states") as raised:
+        write_database(tmp_path / "t1", _entries(robot, 3), robot, stages={}, pool=ClipPool(workers=1))
+    assert [fault.partition(":")[0] for fault in raised.value.faults] == [file]
+    assert not (tmp_path / "t1").exists()
+
+
 def test_files_are_known_by_their_digests_where_no_frames_are_read(robot: Robot, tmp_path: Path):
     write_database(tmp_path / "t1", _entries(robot), robot, stages={})
     assert len(check_database(tmp_path / "t1", frames=False).index) == 2

@@ -117,6 +117,14 @@ def test_a_number_that_is_not_finite_is_not_written():
         numbers_text(np.array([[0.0, np.nan]]))
 
 
+@pytest.mark.parametrize("number", [1e16, -2e16])
+def test_a_number_that_needs_a_positive_exponent_is_not_written(number: float):
+    with pytest.raises(ValueError, match=r"has a size of 1e\+16 or more"):
+        numbers_text(np.array([[0.0, number]]))
+    below = np.nextafter(1e16, 0.0)
+    assert json.loads(numbers_text(np.array([[0.0, below]]))) == [0.0, below]
+
+
 def test_frames_of_several_clips_have_the_bits_of_each_alone(robot: Robot):
     clips = [wandering(robot), standing(robot, 0.5), wandering(robot, 1.3)]
     for clip, frames in zip(clips, frames_of_clips(clips, robot), strict=True):

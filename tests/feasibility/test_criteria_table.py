@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
@@ -271,6 +272,23 @@ def test_a_table_written_part_by_part_is_the_same(
     assert tables[0]["why"].tolist() == table["why"].tolist()
     criteria_table.write(criteria_table.path_beside(path), table.iloc[:0], manifest)
     assert criteria_table.read(criteria_table.path_beside(path), path).empty
+
+
+def test_texts_of_several_row_groups_are_read_as_sorted_categories(
+    table: pd.DataFrame, manifest: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Each row group has a dictionary of its own; the rows are in reverse, so a category's first row says nothing."""
+    path = tmp_path / "a.json"
+    path.write_text(manifest.to_text())
+    turned = table.iloc[::-1].reset_index(drop=True)
+    monkeypatch.setattr(criteria_table, "ROWS_AT_A_TIME", 7)
+    criteria_table.write(criteria_table.path_beside(path), turned, manifest)
+    assert pq.read_metadata(criteria_table.path_beside(path)).num_row_groups == -(-len(table) // 7) > 1
+    found = criteria_table.read(criteria_table.path_beside(path), path)
+    pd.testing.assert_frame_equal(found, turned)  # also the order of the categories
+    assert worst_margins(found)["clip"].tolist() == worst_margins(turned)["clip"].tolist()
+    some = criteria_table.read(criteria_table.path_beside(path), path, columns=["margin", "clip"])
+    pd.testing.assert_frame_equal(some, turned[["margin", "clip"]])
 
 
 def test_from_afar_each_criterion_has_its_counts_and_what_came_nearest(table: pd.DataFrame):

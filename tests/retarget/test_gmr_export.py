@@ -1,7 +1,9 @@
 """What GMR is given of a clip: the joints of the BVH file, whatever canonical frames the clip is in."""
 
 import numpy as np
+import pytest
 
+from benchmarks import retarget
 from benchmarks.gmr import BODIES, FEET, joints_of
 from benchmarks.gmr_worker import without_meshes
 from pipeline import rotation
@@ -34,3 +36,10 @@ def test_meshes_and_what_shows_them_are_taken_out_of_a_model_and_nothing_else():
     )
     assert "STL" not in model and "mesh=" not in model
     assert model.count("<geom") == 1 and "<inertial" in model
+
+
+def test_a_speed_without_a_run_is_refused(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["retarget.py", "walk.bvh", "--repeat", "0"])
+    with pytest.raises(SystemExit):
+        retarget.main()
+    assert "--repeat must be 1 or more" in capsys.readouterr().err

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
 
 import numpy as np
 import pytest
 import torch
 
+from pipeline.deployment import load_policy
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
-from pipeline.learning.policy_file import policy_arrays
+from pipeline.learning.policy_file import EPS, policy_arrays, write_policy
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import read_bundle
 from tests.factories.training_bundle import small_bundle
@@ -121,3 +123,38 @@ def test_a_checkpoint_of_another_network_becomes_no_policy(tmp_path, root, robot
     facts = read_bundle(small_bundle(tmp_path, root, robot)).robot
     with pytest.raises(TrainingError, match=r"actor is no network of ours \(KeyError"):
         policy_arrays({"actor_state_dict": {"weights": torch.ones(2)}}, facts)
+
+
+def _actor(robot) -> dict[str, torch.Tensor]:
+    """A network of the recipe's size, as rsl-rl names its parts."""
+    torch.manual_seed(0)
+    sizes = [720, 512, 256, 128, len(robot.policy_joints)]
+    layers = [torch.nn.Linear(before, after) for before, after in itertools.pairwise(sizes)]
+    normalizer = {"obs_normalizer._mean": torch.randn(1, 720), "obs_normalizer._std": torch.rand(1, 720) + 0.1}
+    weights = {f"mlp.{2 * number}.weight": layer.weight for number, layer in enumerate(layers)}
+    return normalizer | weights | {f"mlp.{2 * number}.bias": layer.bias for number, layer in enumerate(layers)}
+
+
+def test_a_policy_file_in_half_precision_acts_as_its_checkpoint(tmp_path, root, robot):
+    facts = read_bundle(small_bundle(tmp_path, root, robot)).robot
+    actor = _actor(facts)
+    write_policy(tmp_path / "policy.npz", policy_arrays({"actor_state_dict": actor}, facts))
+    policy = load_policy(tmp_path / "policy.npz")
+    mean, std = (actor[f"obs_normalizer._{name}"].double() for name in ("mean", "std"))
+    observations = mean + std * torch.randn(200, 720, dtype=torch.float64)
+    value = (observations - mean) / (std + EPS)
+    for number in range(4):
+        value = value @ actor[f"mlp.{2 * number}.weight"].double().T + actor[f"mlp.{2 * number}.bias"].double()
+        value = torch.nn.functional.elu(value) if number < 3 else value
+    expected = value.detach().numpy()
+    off = policy.act(observations.numpy()) - expected
+    assert 0.0 < np.sqrt(np.mean(off**2)) < 1e-3 * np.sqrt(np.mean(expected**2))
+    assert (tmp_path / "policy.npz").stat().st_size < 1.2e6
+
+
+def test_a_weight_beyond_half_precision_is_a_diverged_run(tmp_path, root, robot):
+    facts = read_bundle(small_bundle(tmp_path, root, robot)).robot
+    actor = _actor(facts)
+    actor["mlp.2.weight"] = actor["mlp.2.weight"].detach() * 1e7
+    with pytest.raises(TrainingError, match=r"a weight of [\d.e+]+: it diverged"):
+        policy_arrays({"actor_state_dict": actor}, facts)
