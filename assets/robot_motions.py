@@ -31,6 +31,7 @@ from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
 from pipeline.batch.shard import MISSING
+from pipeline.errors import FileError
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
 from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
@@ -168,10 +169,14 @@ def feasible_motions(
 
 
 def criteria_at_hand(references: Plan) -> pd.DataFrame | None:
-    """What KP5 found on the references; None where its table is not that of the stored references."""
+    """What KP5 found on the references; None where its table is damaged, missing or not that of the stored references:
+    they are evaluated again."""
     manifest = PROJECT.store.manifest_path(references.key.to_user_string())
     path = criteria_table.path_beside(manifest)
-    return criteria_table.read(path, manifest, references.name) if criteria_table.belongs(path, manifest) else None
+    try:
+        return criteria_table.read(path, manifest, references.name)
+    except FileError:
+        return None
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:

@@ -22,6 +22,7 @@ from pipeline.errors import FileError
 from pipeline.feasibility.criterion import REGISTERED, codes
 from pipeline.feasibility.judgement import NUMBER, Found, from_text
 from pipeline.files import atomic, digest
+from pipeline.files.npz import reported_damage
 from pipeline.files.sourced import Origin
 
 HOLDS, BROKEN, NOT_APPLICABLE = "holds", "broken", "not applicable"
@@ -124,7 +125,7 @@ def read(
 ) -> pd.DataFrame:
     """The table at `path`, its texts as categories in alphabetical order, as `split` makes them.
 
-    Raises FileError, with the asset to materialize, where there is none of this manifest.
+    Raises FileError, with the asset to materialize, where there is none of this manifest or it is damaged.
 
     Args:
         path: file of the table
@@ -132,13 +133,15 @@ def read(
         asset: the asset that makes it
         columns: names of the columns to read; None: all
     """
+    materialize = f"Run: dagster asset materialize --select {asset}"
     if not belongs(path, manifest):
         problem = (
             "the table of criteria is not of what is stored." if path.is_file() else "there is no table of criteria."
         )
-        raise FileError(path, problem, f"Run: dagster asset materialize --select {asset}")
+        raise FileError(path, problem, materialize)
     wanted = None if columns is None else list(columns)
-    table = pq.read_table(path, columns=wanted, read_dictionary=list(TEXTS)).to_pandas()
+    with reported_damage(path, "a table of criteria", materialize):
+        table = pq.read_table(path, columns=wanted, read_dictionary=list(TEXTS)).to_pandas()
     return table.assign(**{name: _sorted(table[name]) for name in TEXTS if name in table})
 
 

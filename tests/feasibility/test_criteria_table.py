@@ -1,15 +1,20 @@
 """The table of criteria: complete, true to the verdicts, with unit and source, and the same bytes every time."""
 
 import dataclasses
+import errno
 import logging
+import os
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from assets import robot_motions
+from assets.plan import robot_plans
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
@@ -289,6 +294,39 @@ def test_texts_of_several_row_groups_are_read_as_sorted_categories(
     assert worst_margins(found)["clip"].tolist() == worst_margins(turned)["clip"].tolist()
     some = criteria_table.read(criteria_table.path_beside(path), path, columns=["margin", "clip"])
     pd.testing.assert_frame_equal(some, turned[["margin", "clip"]])
+
+
+@pytest.fixture
+def stored(table: pd.DataFrame, manifest: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The manifest of the references in a project's store, its table of criteria beside it."""
+    monkeypatch.setattr(robot_motions, "PROJECT", SimpleNamespace(store=Store(root=tmp_path)))
+    path = tmp_path / "manifests" / "reference_motions.json"
+    path.parent.mkdir()
+    path.write_text(manifest.to_text())
+    criteria_table.write(criteria_table.path_beside(path), table, manifest)
+    return path
+
+
+def test_a_table_with_damaged_pages_is_named_and_kp5_evaluates_again(stored: Path):
+    references, path = robot_plans("t1")["reference_motions"], criteria_table.path_beside(stored)
+    assert robot_motions.criteria_at_hand(references) is not None
+    data = path.read_bytes()
+    path.write_bytes(data[:4] + bytes(400) + data[404:])
+    assert criteria_table.belongs(path, stored), "its footer is whole"
+    with pytest.raises(FileError, match=r"not a table of criteria that can be read.*--select feasible_motions"):
+        criteria_table.read(path, stored)
+    assert robot_motions.criteria_at_hand(references) is None
+
+
+@pytest.mark.parametrize("shortage", [MemoryError(), OSError(errno.EIO, os.strerror(errno.EIO))])
+def test_a_shortage_is_not_reported_as_a_damaged_table(stored: Path, monkeypatch, shortage: Exception):
+    def fail(*_, **__):
+        raise shortage
+
+    monkeypatch.setattr(criteria_table.pq, "read_table", fail)
+    with pytest.raises(type(shortage)) as raised:
+        robot_motions.criteria_at_hand(robot_plans("t1")["reference_motions"])
+    assert raised.value is shortage
 
 
 def test_from_afar_each_criterion_has_its_counts_and_what_came_nearest(table: pd.DataFrame):
