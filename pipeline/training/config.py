@@ -185,9 +185,7 @@ class PpoConfig:
     """PPO of rsl_rl; what is not here is rsl_rl's default or in `runner.py`."""
 
     entropy: float = option(0.002, "weight of the entropy", "-", "paper: 0.005", 0.0, 1.0)
-    desired_kl: float = option(
-        0.02, "divergence that the learning rate adapts to", "nat", "benchmarks/ablation.py; paper: 0.01", 1e-5, 1.0
-    )
+    desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
     init_std: float = option(
         0.5, "deviation of the actions at the start", "-", "around a distilled start; paper: 0.6", 1e-3, 3.0

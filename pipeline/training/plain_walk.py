@@ -13,9 +13,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from pipeline.deployment.policy import MOST_BYTES
+from pipeline.deployment.policy import Policy, load_policy
 from pipeline.deployment.task import ACTION_SCALE, HISTORY
-from pipeline.files.npz import read_npz_header
 
 STEP_S, CONTROL_EVERY = 0.002, 10
 MEASURE_S = 6.0
@@ -62,46 +61,16 @@ def model_of(bundle: Path) -> mujoco.MjModel:
     return spec.compile()
 
 
-class Network:
-    """A policy file's network in single precision, and its gains where it has them: else they are the robot's."""
-
-    def __init__(self, path: Path):
-        """Raises FileError for what is no archive or is larger than a policy."""
-        read_npz_header(path, MOST_BYTES)
-        with np.load(path, allow_pickle=False) as arrays:
-            count = sum(name.startswith("L") and name.endswith("_w") for name in arrays.files)
-            self.layers = [
-                tuple(arrays[f"L{number}_{part}"].astype(np.float32) for part in "wb") for number in range(count)
-            ]
-            self.mean = arrays["mean"].astype(np.float32)
-            self.scale = (arrays["std"] + arrays["eps"]).astype(np.float32)
-            self.gains = tuple(arrays[name].astype(float) for name in ("kp", "kd") if name in arrays.files)
-
-    def act(self, observation: np.ndarray) -> np.ndarray:
-        """Of one observation (o,)."""
-        value = (observation - self.mean) / self.scale
-        for number, (weight, bias) in enumerate(self.layers):
-            value = weight @ value + bias
-            if number < len(self.layers) - 1:
-                value = np.where(value > 0.0, value, np.expm1(np.minimum(value, 0.0)))
-        return value
-
-
-@functools.lru_cache(maxsize=2)
-def network_of(path: Path, digest: str) -> Network:
-    """The network of a file; `digest` tells another content of the same path."""
-    return Network(path)
-
-
 class World:
     """State of one walk: MuJoCo's, the policy's history, and what is written down."""
 
-    def __init__(self, bundle: Path, network: Network, walk: Walk):
-        self.facts, self.network, self.walk = robot_of(bundle), network, walk
+    def __init__(self, bundle: Path, policy: Policy, walk: Walk):
+        self.facts, self.policy, self.walk = robot_of(bundle), policy, walk
         self.model = model_of(bundle)
         self.data = mujoco.MjData(self.model)
         self.rest = self.facts["default_joint_pos"]
-        self.kp, self.kd = network.gains or (self.facts["kp"], self.facts["kd"])
+        gains = policy.gains
+        self.kp, self.kd = (gains.kp, gains.kd) if gains else (self.facts["kp"], self.facts["kd"])
         noise = np.random.default_rng(walk.seed).uniform(-1.0, 1.0, len(self.rest)) * (START_NOISE if walk.seed else 0)
         self.data.qpos[:7] = [0.0, 0.0, self.facts["default_root_height"], 1.0, 0.0, 0.0, 0.0]
         self.data.qpos[7:] = self.rest + noise
@@ -120,18 +89,15 @@ class World:
         joints = data.qpos[7:][index] - self.rest[index]
         frame = np.concatenate([data.qvel[3:6], -rotation[2], command, joints, data.qvel[6:][index], self._action])
         self._history = np.vstack([self._history[1:], frame.astype(np.float32)])
-        self._action = self.network.act(self._history.ravel())
+        self._action = self.policy.act(self._history.ravel())
         self.target = self.rest.copy()
         self.target[index] += ACTION_SCALE * self._action
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Least and largest torque of each motor at its speed [N m]."""
-        facts, fall = self.facts, self.data.qvel[6:] / self.facts["no_load"]
-        limit = facts["effort_limit"]
-        return (
-            np.clip(facts["stall"] * (-1.0 - fall), -limit, limit),
-            np.clip(facts["stall"] * (1.0 - fall), -limit, limit),
-        )
+        limit, fall = self.facts["effort_limit"], self.data.qvel[6:] / self.facts["no_load"]
+        low, high = (np.clip(self.facts["stall"] * (sign - fall), -limit, limit) for sign in (-1.0, 1.0))
+        return low, high
 
     def step(self) -> np.ndarray:
         """One physics step; the torques [N m]."""
@@ -147,9 +113,8 @@ class World:
 
     @property
     def fell(self) -> bool:
-        """Whether the trunk is too low or too tilted, or the joint targets are not finite, which MuJoCo would reset."""
-        upright = self.data.qpos[2] >= self.facts["fall_height"] and self.data.xmat[self.root][8] >= MAX_TILT_COS
-        return not (upright and np.isfinite(self.target).all())
+        """Whether the trunk is too low or too tilted."""
+        return not (self.data.qpos[2] >= self.facts["fall_height"] and self.data.xmat[self.root][8] >= MAX_TILT_COS)
 
     def touching(self) -> list[bool]:
         """Which feet touch the ground."""
@@ -160,9 +125,9 @@ class World:
         return [(0, foot) in pairs or (foot, 0) in pairs for foot in self.foot_bodies]
 
 
-def walked(bundle: Path, policy: Path, digest: str, walk: Walk) -> dict[str, float]:
+def walked(bundle: Path, policy: Path, walk: Walk) -> dict[str, float]:
     """Figures of a walk over its last MEASURE_S; of one that fell, that it did, and of a push, whether it fell."""
-    world = World(bundle, network_of(policy, digest), walk)
+    world = World(bundle, load_policy(policy), walk)
     steps, notes = round(walk.seconds / STEP_S), Notes(world)
     first = steps - round(MEASURE_S / STEP_S) if not any(walk.push) else steps
     for step in range(steps):
@@ -192,8 +157,7 @@ class Notes:
     def add(self) -> None:
         """The state."""
         world, data = self._world, self._world.data
-        rotation = data.xmat[world.root].reshape(3, 3)
-        heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+        heading = np.arctan2(data.xmat[world.root][3], data.xmat[world.root][0])
         self._rows.append([heading, *data.qvel[:2], *world.touching()])
 
     def figures(self) -> dict[str, float]:
@@ -202,8 +166,7 @@ class Notes:
         heading, vx, vy = table[:, :3].T
         touch = table[:, 3:] > 0.0
         cos, sin = np.cos(heading), np.sin(heading)
-        control_s = STEP_S * CONTROL_EVERY
-        turned = np.unwrap(heading)
+        control_s, turned = STEP_S * CONTROL_EVERY, np.unwrap(heading)
         return {
             "forward": float((vx * cos + vy * sin).mean()),
             "lateral": float((vy * cos - vx * sin).mean()),

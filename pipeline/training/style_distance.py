@@ -10,7 +10,6 @@ two halves of its clips.
 """
 
 import argparse
-import hashlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,12 +18,13 @@ import numpy as np
 import torch
 from scipy.spatial.distance import cdist
 
+from pipeline.deployment.policy import load_policy
 from pipeline.errors import FileError
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import window_starts
 from pipeline.training.amp.features import FeatureNormalizer, floors, frame_features, state_features
 from pipeline.training.bundle import ExpertFrames, read_bundle
-from pipeline.training.plain_walk import CONTROL_EVERY, MEASURE_S, STEP_S, Walk, World, network_of
+from pipeline.training.plain_walk import CONTROL_EVERY, MEASURE_S, STEP_S, Walk, World
 
 SPEEDS = (0.6, 1.0, 1.5)
 """Forward commands that are compared [m/s]."""
@@ -52,8 +52,7 @@ def expert_sets(expert: ExpertFrames, command: Sequence[float], rng: np.random.G
     Raises TrainingError where no clip goes so.
     """
     starts = window_starts(expert, (WINDOW - 1) * STRIDE + 1)
-    near = (np.abs(expert.command[starts] - np.array(command)) <= np.array(NEAR)).all(axis=1)
-    starts = starts[near]
+    starts = starts[(np.abs(expert.command[starts] - np.array(command)) <= np.array(NEAR)).all(axis=1)]
     if not len(starts):
         raise TrainingError(f"the expert database has no frame near the command {tuple(command)}.")
     clip = np.searchsorted(expert.clip_start, starts, side="right") - 1
@@ -67,12 +66,10 @@ def _some(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def walked_features(bundle: Path, policy: Path, walk: Walk) -> np.ndarray:
     """Features (t, f) of the last MEASURE_S of a walk, one row a control step. Raises TrainingError for a fall."""
-    digest = hashlib.sha256(policy.read_bytes()).hexdigest() if policy.is_file() else ""
-    world = World(bundle, network_of(policy, digest), walk)
+    world = World(bundle, load_policy(policy), walk)
     index = np.array([world.facts["joint_names"].index(name) for name in world.facts["controlled"]])
     ends = [world.model.site(name).id for name in (*world.facts["hands"], *world.facts["feet"])]
-    rows = []
-    steps = round(walk.seconds / STEP_S)
+    steps, rows = round(walk.seconds / STEP_S), []
     first = steps - round(MEASURE_S / STEP_S)
     for step in range(steps):
         if step % CONTROL_EVERY == 0:

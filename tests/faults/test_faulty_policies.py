@@ -109,7 +109,6 @@ def members(path: Path, inflated: int, names: list[str]) -> None:
 
 READERS = {
     "policy.npz": ("pipeline.deployment", "load_policy(path)", "L0_w.npy"),
-    "walked.npz": ("pipeline.training.plain_walk", "Network(path)", "L0_w.npy"),
     "golden.npz": ("pipeline.export.parity", "read_golden(path)", "command.npy"),
     "checkpoint.pt": ("pipeline.learning.checkpoint", "load_checkpoint(path, 'cpu')", "model/data/0"),
     "script.pt": ("pipeline.export.networks", "read_torch_script(path)", "script/code/0"),
