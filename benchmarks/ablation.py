@@ -17,7 +17,6 @@ approve the proposal (docs/closed_loop.md), and materialize `amp_policy`, which 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import math
 import subprocess
@@ -111,9 +110,9 @@ def planted_figures(bundle: Path, policy: Path, command: Sequence[float]) -> dic
     vx, vy, yaw = command
     axis = int(np.argmax(np.abs(command)))
     name = ("forward", "lateral", "yaw_rate")[axis]
-    digest, failed = hashlib.sha256(policy.read_bytes()).hexdigest(), 0
+    failed = 0
     for seed in range(PLANTED_WALKS):
-        found = walked(bundle, policy, digest, Walk(command=(vx, vy, yaw), seed=seed))
+        found = walked(bundle, policy, Walk(command=(vx, vy, yaw), seed=seed))
         failed += bool(found["fell"]) or found[name] / command[axis] < REACHED
     return {f"failures at {vx:g} {vy:g} {yaw:g}": failed / PLANTED_WALKS}
 
