@@ -12,20 +12,15 @@ from assets.checks import check_specs
 from assets.plan import Plan
 from assets.report import picture, robot_asset, stage_metadata
 from assets.resources import ClipPoolResource
-from assets.stage import materialized, references_of, stage_of, thresholds, write_table
+from assets.stage import feasibility_stage, materialized, references_of, stage_of, thresholds, write_table
 from pipeline.augment import AugmentSettings, process
 from pipeline.augment.mirror import mirror_skill
 from pipeline.augment.process import KINDS
 from pipeline.batch import Entry, Manifest, run_stage
-from pipeline.feasibility import FeasibilitySettings
-from pipeline.feasibility import process as feasibility
 from pipeline.feasibility.criteria_table import split
-from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import further_variants, noting
 from pipeline.feedback.change import Change
 from pipeline.project import DEFAULT_ROBOT, PROJECT
-from pipeline.robot import load_robot
-from pipeline.robot.size import scaled
 
 MakeVariants = Callable[[Any, Sequence[Entry]], Manifest]
 """`make(settings, entries)`: the stage with these settings on these entries, on all where there are none."""
@@ -107,10 +102,7 @@ def reference_motions(
     """KP4: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
     from pipeline.viewing.contact_sheet import worst_clips
 
-    robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-    values = scaled(PROJECT.read("feasibility.yaml", FeasibilitySettings), robot)
-    function = partial(feasibility, settings=values, robot=robot, references=references_of(motion_variants))
-    stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
+    stage, _, robot = feasibility_stage(plan, references_of(motion_variants))
     manifest = run_stage(stage, motion_variants, PROJECT.store, clip_pool.pool(), context.log)
     manifest, criteria = split(manifest, thresholds())
     metadata = stage_metadata(manifest, ["variant", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])

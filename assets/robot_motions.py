@@ -26,25 +26,22 @@ from assets.report import (
     table_of,
 )
 from assets.resources import ClipPoolResource
-from assets.stage import materialized, references_of, stage_of, thresholds, write_table
+from assets.stage import feasibility_stage, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
 from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
 from pipeline.batch.shard import MISSING
 from pipeline.errors import FileError
-from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
+from pipeline.feasibility import CommandSettings, balance, coverage, criteria_table
 from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
 from pipeline.feasibility.criteria_table import split, with_origins
 from pipeline.feasibility.evaluated import criteria_of_pieces, together, with_evaluated, without_evaluated
-from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import noting
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.project import DEFAULT_ROBOT, PROJECT
-from pipeline.robot import load_robot
-from pipeline.robot.size import scaled
 from pipeline.robot_check.agreement import models_agree
 from pipeline.selection import Curation, without_excluded
 from pipeline.tracking.neighbours import AT_FAULT
@@ -121,8 +118,6 @@ def feasible_motions(
     from pipeline.viewing.contact_sheet import worst_clips
     from pipeline.viewing.plots import command_seconds, lost_seconds
 
-    robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-    values = scaled(PROJECT.read("feasibility.yaml", FeasibilitySettings), robot)
     commands = PROJECT.read("commands.yaml", CommandSettings)
     curation = PROJECT.read("curation.yaml", Curation)
     kind = curation.expert_motions
@@ -130,9 +125,7 @@ def feasible_motions(
         context.log.warning(no_tracker(plan.robot or DEFAULT_ROBOT))
         kind = "references"
     candidates = candidate_motions(augmented_motions, reference_motions, kind)
-    tracked = references_of(candidates, reference_motions)
-    function = partial(process, settings=values, robot=robot, references=tracked)
-    stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
+    stage, values, robot = feasibility_stage(plan, references_of(candidates, reference_motions))
     references = robot_plans(robot.name)["reference_motions"]
     evaluated = criteria_at_hand(references) if kind != "rollouts" else None
     pieces = set() if evaluated is None else set(evaluated["piece"].cat.categories)

@@ -1,6 +1,7 @@
 """What every clip stage does around its pure function: the stage's versions in, the result with its evidence out."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import dagster as dg
@@ -12,13 +13,16 @@ from assets.report import curator_link, result_of, table_of
 from pipeline.batch import Manifest, Stage
 from pipeline.batch.shard import MISSING
 from pipeline.errors import PipelineError
-from pipeline.feasibility import criteria_table
+from pipeline.feasibility import FeasibilitySettings, criteria_table, process
 from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criterion, worst_margins
+from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feasibility.reference import CONTENT, StoredReferences
 from pipeline.files import settings
 from pipeline.files.sourced import Origin, origins
-from pipeline.project import PROJECT
+from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.readers.listing import load_reference, named_reference
+from pipeline.robot import Robot, load_robot
+from pipeline.robot.size import scaled
 
 
 def stage_of(
@@ -50,6 +54,19 @@ def stage_of(
     )
 
 
+def feasibility_stage(plan: Plan, tracked: StoredReferences) -> tuple[Stage, FeasibilitySettings, Robot]:
+    """KP5 on a robot with its calibrated motors: the stage, its settings scaled to the robot, and that robot.
+
+    The references and what the database is made of are evaluated by it alike, so that what holds for a reference is
+    not evaluated again. `tracked` are the motions that rollouts among the clips followed.
+    """
+    robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
+    values = scaled(PROJECT.read("feasibility.yaml", FeasibilitySettings), robot)
+    function = partial(process, settings=values, robot=robot, references=tracked)
+    stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
+    return stage, values, robot
+
+
 def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) -> dg.MaterializeResult:
     """The result of a stage with its checks and a link to its clips."""
     link = curator_link(f"?stage={plan.name}") if manifest.judged else {}
@@ -74,7 +91,7 @@ def write_table(plan: Plan, table: pd.DataFrame, manifest: Manifest) -> dict[str
     }
 
 
-def references_of(manifest: Manifest, reference_motions: Manifest | None = None) -> Any:
+def references_of(manifest: Manifest, reference_motions: Manifest | None = None) -> StoredReferences:
     """The motions that rollouts among the clips of a manifest tracked, from the store, for any process.
 
     `reference_motions` has those of KP4's own rollouts, by name.

@@ -118,8 +118,9 @@ LOW = 0.006
 """A sole whose lowest corner is within this of the lower foot's is on the ground [m]."""
 FIRM_S = 0.05
 """Time after touchdown and before lift-off that does not count as standing [s]."""
-BEARS = 0.2
-"""Share of the weight on a sole that bears; a foot that swings close to the ground is low and fast without a load."""
+LOADED = 0.2
+"""Least share of the weight on a sole that stands: a foot that swings close to the ground is low and fast, but carries
+nothing."""
 
 
 def stumbles(signals: Signals, settings: StumbleSettings, until_s: float) -> list[Failure]:
@@ -152,7 +153,7 @@ def standing_feet(signals: Signals) -> np.ndarray:
     for side in range(2):
         for start, stop in time_series.runs(down[:, side]):
             firm[start + margin : max(stop - margin, start + margin), side] = True
-    return firm & (signals.support > BEARS)
+    return firm & (signals.support > LOADED)
 
 
 def slips(signals: Signals, settings: SlipSettings, until_s: float) -> list[Failure]:

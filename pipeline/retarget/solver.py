@@ -5,24 +5,21 @@ a short clip. A solver keeps nothing of a clip: every clip starts from the same 
 """
 
 from dataclasses import dataclass
-from xml.etree import ElementTree as Xml
 
 import numpy as np
 import placo
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
-from pipeline.errors import ClipError, PipelineError
+from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget.robot_body import ankle_pitch, measure
 from pipeline.retarget.settings import RetargetSettings, WeightSettings
+from pipeline.retarget.solver_urdf import frame_on, solver_urdf
 from pipeline.retarget.targets import Targets
 from pipeline.robot import Robot
 
-FRAME = "_link_frame"
-"""Ending of frames that are added to the URDF."""
 LEG = ("thigh", "shank")
 """Endings of the limbs that are legs."""
 LIMIT_MARGIN = 1e-6
@@ -59,7 +56,7 @@ class Solver:
 
     def __init__(self, robot: Robot):
         self.robot, self.body = robot, measure(robot)
-        self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, _urdf(robot))
+        self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, solver_urdf(robot))
         self._joints = robot.controlled_index
         self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.controlled])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
@@ -77,7 +74,7 @@ class Solver:
 
     def _add_tasks(self) -> None:
         solver, zero, identity = self._solver, np.zeros(3), np.eye(3)
-        human = {part: _frame_on(self.robot, name) for part, name in self.robot.human.items()}
+        human = {part: frame_on(self.robot, name) for part, name in self.robot.human.items()}
         self._pelvis_horizontal = solver.add_position_task(human["pelvis"], zero)
         self._pelvis_horizontal.mask.set_axises("xy", "task")
         self._pelvis_height = solver.add_position_task(human["pelvis"], zero)
@@ -315,41 +312,3 @@ def solver_for(robot: Robot) -> Solver:
 
 _SOLVERS: dict[str, Solver] = {}
 """By the robot's digest; the one thing a process keeps between clips."""
-
-
-def _frame_on(robot: Robot, link: str) -> str:
-    """Name of the frame of a link that no joint is called, too (placo looks a name up among both)."""
-    return f"{link}{FRAME}" if link in robot.joint_names else link
-
-
-def _urdf(robot: Robot) -> str:
-    """The robot's URDF with what the tasks need: no sites, joints that are not controlled fixed at their default, and
-    a frame of its own for each link that has the name of a joint."""
-    root = Xml.fromstring(robot.urdf)
-    for link in root.findall("link"):
-        if link.get("name") in robot.site_names:
-            root.remove(link)
-    for joint in root.findall("joint[@type='fixed']"):
-        child = joint.find("child")
-        if child is not None and child.get("link") in robot.site_names:
-            root.remove(joint)
-    for name in set(robot.joint_names) - set(robot.controlled):
-        _fix(root, name, float(robot.default_joint_pos[robot.joint(name)]))
-    for link in robot.link_names:
-        if link in robot.joint_names:
-            Xml.SubElement(root, "link", name=f"{link}{FRAME}")
-            joint = Xml.SubElement(root, "joint", name=f"{link}{FRAME}_fixed", type="fixed")
-            Xml.SubElement(joint, "parent", link=link)
-            Xml.SubElement(joint, "child", link=f"{link}{FRAME}")
-    return Xml.tostring(root, encoding="unicode")
-
-
-def _fix(urdf: Xml.Element, name: str, angle: float) -> None:
-    """Make a hinge of a URDF a fixed joint at `angle` [rad]. Raises PipelineError where it has no origin or axis."""
-    joint, origin, axis = (urdf.find(f"joint[@name='{name}']{below}") for below in ("", "/origin", "/axis"))
-    if joint is None or origin is None or axis is None:
-        raise PipelineError(f"the URDF has no joint '{name}' with an origin and an axis, so it can't be fixed.")
-    rpy, axis_b = (np.array(text.split(), float) for text in (origin.attrib["rpy"], axis.attrib["xyz"]))
-    turned = Rotation.from_euler("xyz", rpy) * Rotation.from_rotvec(angle * axis_b)
-    origin.set("rpy", " ".join(map(str, turned.as_euler("xyz"))))
-    joint.set("type", "fixed")

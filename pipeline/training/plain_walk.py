@@ -113,8 +113,9 @@ class World:
 
     @property
     def fell(self) -> bool:
-        """Whether the trunk is too low or too tilted."""
-        return not (self.data.qpos[2] >= self.facts["fall_height"] and self.data.xmat[self.root][8] >= MAX_TILT_COS)
+        """Whether the trunk is too low or too tilted, or the joint targets are not finite, which MuJoCo would reset."""
+        upright = self.data.qpos[2] >= self.facts["fall_height"] and self.data.xmat[self.root][8] >= MAX_TILT_COS
+        return not (upright and np.isfinite(self.target).all())
 
     def touching(self) -> list[bool]:
         """Which feet touch the ground."""
@@ -164,8 +165,7 @@ class Notes:
         """Means over the recorded time."""
         table = np.array(self._rows, dtype=float)
         heading, vx, vy = table[:, :3].T
-        touch = table[:, 3:] > 0.0
-        cos, sin = np.cos(heading), np.sin(heading)
+        touch, cos, sin = table[:, 3:] > 0.0, np.cos(heading), np.sin(heading)
         control_s, turned = STEP_S * CONTROL_EVERY, np.unwrap(heading)
         return {
             "forward": float((vx * cos + vy * sin).mean()),

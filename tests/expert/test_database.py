@@ -1,4 +1,4 @@
-"""A database written, read, changed behind its back, and written while something breaks."""
+"""A database written, read, and changed behind its back."""
 
 import dataclasses
 import hashlib
@@ -13,7 +13,7 @@ import pytest
 
 from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.errors import ClipError, FileError
+from pipeline.errors import ClipError
 from pipeline.expert import (
     DatabaseError,
     ExpertEntry,
@@ -21,37 +21,19 @@ from pipeline.expert import (
     StoredClip,
     check_database,
     read_database,
-    swap,
     write,
     write_database,
 )
 from pipeline.expert.write import file_name
 from pipeline.expert.written_frames import FRAMES
 from pipeline.robot import Robot
-from tests.factories.robot_clips import standing, wandering
-
-
-def _entries(robot: Robot, count: int = 2) -> list[ExpertEntry]:
-    return [
-        ExpertEntry(
-            clip=wandering(robot, seed=index).cut(0, 60, f"source/clip{index}@0-60~mirror"),
-            weight=1.0 + index,
-            skill="walk",
-            licence="CC0-1.0" if index else "CC-BY-NC-4.0",
-            numbers={"file": "source/clip.bvh", "file_sha256": "ab", "foot_slip_mean": 0.02 * index, "mirrored": True},
-            stages={"repair": {"version": "1"}},
-        )
-        for index in range(count)
-    ]
-
-
-def _bytes(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+from tests.factories.database_entries import bytes_of, entries_of
+from tests.factories.robot_clips import standing
 
 
 def test_what_is_written_is_read_and_says_where_it_came_from(robot: Robot, tmp_path: Path):
     folder = tmp_path / "t1"
-    manifest = write_database(folder, _entries(robot), robot, stages={"feasibility": {"version": "1"}})
+    manifest = write_database(folder, entries_of(robot), robot, stages={"feasibility": {"version": "1"}})
     database = read_database(folder)
     assert database.manifest == manifest
     assert [clip.name for clip in database.clips] == ["source/clip0@0-60~mirror", "source/clip1@0-60~mirror"]
@@ -70,7 +52,7 @@ def test_what_is_written_is_read_and_says_where_it_came_from(robot: Robot, tmp_p
 
 def test_two_processes_write_the_bytes_of_one(robot: Robot, tmp_path: Path):
     store = Store(root=tmp_path / "store")
-    entries = _entries(robot, 12)
+    entries = entries_of(robot, 12)
     stored = [
         dataclasses.replace(
             entry, clip=StoredClip(name=entry.clip.name, blob=store.put_clip(_motion(entry)), store=store)
@@ -79,7 +61,7 @@ def test_two_processes_write_the_bytes_of_one(robot: Robot, tmp_path: Path):
     ]
     write_database(tmp_path / "one", entries, robot, stages={})
     write_database(tmp_path / "two", stored, robot, stages={}, pool=ClipPool(workers=2))
-    assert _bytes(tmp_path / "two") == _bytes(tmp_path / "one")
+    assert bytes_of(tmp_path / "two") == bytes_of(tmp_path / "one")
 
 
 def test_processes_that_write_are_to_see_the_store_and_the_database(robot: Robot, tmp_path: Path):
@@ -90,7 +72,7 @@ def test_processes_that_write_are_to_see_the_store_and_the_database(robot: Robot
             seen.extend(shared)
             return super().map(function, calls, shared=shared, **options)
 
-    (entry,), store = _entries(robot, 1), Store(root=tmp_path / "store")
+    (entry,), store = entries_of(robot, 1), Store(root=tmp_path / "store")
     clip = StoredClip(name=entry.clip.name, blob=store.put_clip(_motion(entry)), store=store)
     pool = NotingPool(backend="sequential")
     write_database(tmp_path / "t1", [dataclasses.replace(entry, clip=clip)], robot, stages={}, pool=pool)
@@ -99,7 +81,7 @@ def test_processes_that_write_are_to_see_the_store_and_the_database(robot: Robot
 
 def test_frames_that_did_not_change_are_copied_not_encoded(robot: Robot, tmp_path: Path, monkeypatch):
     store = Store(root=tmp_path / "store")
-    clips = [StoredClip(name=e.clip.name, blob=store.put_clip(_motion(e)), store=store) for e in _entries(robot, 3)]
+    clips = [StoredClip(name=e.clip.name, blob=store.put_clip(_motion(e)), store=store) for e in entries_of(robot, 3)]
     frames, names = write.frames_of_clips, [clip.name for clip in clips]
 
     def write_weighed(folder: Path, weight: float) -> list[str]:
@@ -118,14 +100,14 @@ def test_frames_that_did_not_change_are_copied_not_encoded(robot: Robot, tmp_pat
     assert write_weighed(tmp_path / "t1", 1.0) == names
     assert write_weighed(tmp_path / "t1", 2.0) == []
     assert write_weighed(tmp_path / "from_nothing", 2.0) == names
-    assert _bytes(tmp_path / "t1") == _bytes(tmp_path / "from_nothing")
+    assert bytes_of(tmp_path / "t1") == bytes_of(tmp_path / "from_nothing")
     path = tmp_path / "t1" / file_name(names[1])
     head, _, text = path.read_bytes().partition(FRAMES)
     path.write_bytes(head + FRAMES + text.replace(b"0.", b"1.", 3))
     assert write_weighed(tmp_path / "t1", 2.0) == [names[1]], "damaged frames are not copied"
     (tmp_path / ".t1.frames").write_text('{"of": ["other code", ""], "clips": {}}')
     assert write_weighed(tmp_path / "t1", 2.0) == names
-    assert _bytes(tmp_path / "t1") == _bytes(tmp_path / "from_nothing")
+    assert bytes_of(tmp_path / "t1") == bytes_of(tmp_path / "from_nothing")
 
 
 def _motion(entry: ExpertEntry) -> RobotClip:
@@ -136,13 +118,13 @@ def _motion(entry: ExpertEntry) -> RobotClip:
 def test_a_file_that_does_not_read_back_keeps_the_database_out_of_its_place(robot: Robot, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(write, "rounded", lambda frames, controlled: frames * 1.001)
     with pytest.raises(DatabaseError, match=r"clip0.*a quaternion whose length is off by 1\.0e-03"):
-        write_database(tmp_path / "t1", _entries(robot), robot, stages={})
+        write_database(tmp_path / "t1", entries_of(robot), robot, stages={})
     assert not (tmp_path / "t1").exists()
 
 
 def test_a_fault_in_a_clip_that_is_not_read_back_is_found(robot: Robot, tmp_path: Path):
     """Of the three clips that one process writes in a call, only the first is read back."""
-    entries = _entries(robot, 3)
+    entries = entries_of(robot, 3)
     clip = _motion(entries[1])
     entries[1] = dataclasses.replace(
         entries[1], clip=dataclasses.replace(clip, root_quat_w=clip.root_quat_w * np.linspace(1.0, 1.001, 60)[:, None])
@@ -165,13 +147,13 @@ def test_a_file_that_changes_before_the_last_check_is_found(robot: Robot, tmp_pa
 
     monkeypatch.setattr(write.index, "encode", change_and_encode)
     with pytest.raises(DatabaseError, match="its content is not the one the manifest states") as raised:
-        write_database(tmp_path / "t1", _entries(robot, 3), robot, stages={}, pool=ClipPool(workers=1))
+        write_database(tmp_path / "t1", entries_of(robot, 3), robot, stages={}, pool=ClipPool(workers=1))
     assert [fault.partition(":")[0] for fault in raised.value.faults] == [file]
     assert not (tmp_path / "t1").exists()
 
 
 def test_files_are_known_by_their_digests_where_no_frames_are_read(robot: Robot, tmp_path: Path):
-    write_database(tmp_path / "t1", _entries(robot), robot, stages={})
+    write_database(tmp_path / "t1", entries_of(robot), robot, stages={})
     assert len(check_database(tmp_path / "t1", frames=False).index) == 2
     path = tmp_path / "t1" / file_name("source/clip0@0-60~mirror")
     path.write_bytes(path.read_bytes().replace(b"Clamp", b"Wrap_"))
@@ -180,7 +162,7 @@ def test_files_are_known_by_their_digests_where_no_frames_are_read(robot: Robot,
 
 
 def test_a_clip_file_has_the_keys_of_the_paper(robot: Robot, tmp_path: Path):
-    write_database(tmp_path / "t1", _entries(robot, 1), robot, stages={})
+    write_database(tmp_path / "t1", entries_of(robot, 1), robot, stages={})
     content = json.loads((tmp_path / "t1" / file_name("source/clip0@0-60~mirror")).read_text())
     assert content["FrameDuration"] == 0.02
     assert content["MotionWeight"] == 1.0
@@ -192,15 +174,15 @@ def test_a_clip_file_has_the_keys_of_the_paper(robot: Robot, tmp_path: Path):
 
 
 def test_two_runs_give_the_same_bytes_whatever_the_order(robot: Robot, tmp_path: Path):
-    write_database(tmp_path / "a", _entries(robot, 3), robot, stages={})
-    write_database(tmp_path / "b", _entries(robot, 3)[::-1], robot, stages={})
-    assert _bytes(tmp_path / "a") == _bytes(tmp_path / "b")
+    write_database(tmp_path / "a", entries_of(robot, 3), robot, stages={})
+    write_database(tmp_path / "b", entries_of(robot, 3)[::-1], robot, stages={})
+    assert bytes_of(tmp_path / "a") == bytes_of(tmp_path / "b")
 
 
 def test_a_deleted_clip_leaves_the_database(robot: Robot, tmp_path: Path):
     folder = tmp_path / "t1"
-    write_database(folder, _entries(robot, 3), robot, stages={})
-    write_database(folder, _entries(robot, 1), robot, stages={})
+    write_database(folder, entries_of(robot, 3), robot, stages={})
+    write_database(folder, entries_of(robot, 1), robot, stages={})
     assert len(read_database(folder).clips) == 1
     assert len(list(folder.glob("*.json"))) == 2  # the clip and the manifest
 
@@ -210,83 +192,11 @@ def test_a_database_of_no_clips_takes_the_place_of_none(robot: Robot, tmp_path: 
     with pytest.raises(NoClipsError, match="no clip is left after KP5"):
         write_database(folder, [], robot, stages={})
     assert not folder.exists()
-    write_database(folder, _entries(robot), robot, stages={})
-    before = _bytes(folder)
+    write_database(folder, entries_of(robot), robot, stages={})
+    before = bytes_of(folder)
     with pytest.raises(NoClipsError, match="what was in place is unchanged"):
         write_database(folder, [], robot, stages={})
-    assert _bytes(folder) == before
-
-
-class _BreakError(Exception):
-    pass
-
-
-def test_a_write_that_breaks_in_the_middle_leaves_the_old_one(
-    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    folder = tmp_path / "t1"
-    write_database(folder, _entries(robot), robot, stages={})
-    before = _bytes(folder)
-
-    def broken(*_: object) -> bytes:
-        raise _BreakError
-
-    with monkeypatch.context() as patch:
-        patch.setattr("pipeline.expert.write.index.encode", broken)
-        with pytest.raises(_BreakError):
-            write_database(folder, _entries(robot, 5), robot, stages={})
-    assert _bytes(folder) == before
-    assert len(read_database(folder).clips) == 2
-
-
-def test_what_a_killed_writer_left_is_cleared_by_the_next(robot: Robot, tmp_path: Path):
-    folder = tmp_path / "t1"
-    write_database(folder, _entries(robot), robot, stages={})
-    part = tmp_path / ".t1.part"
-    part.mkdir()
-    (part / "half.json").write_text('{"Frames": [[')
-    assert len(read_database(folder).clips) == 2
-    write_database(folder, _entries(robot, 3), robot, stages={})
-    assert not part.exists()
-    assert len(read_database(folder).clips) == 3
-
-
-@pytest.mark.parametrize("step", ["after the old one is aside", "after the new one is in place"])
-def test_a_writer_killed_between_two_renames_leaves_a_whole_database(
-    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
-):
-    folder = tmp_path / "t1"
-    write_database(folder, _entries(robot), robot, stages={})
-    monkeypatch.setattr(swap, "_exchange", lambda *_: False)  # a system that can't exchange two names
-    rename, calls = Path.rename, []
-
-    def killed(self: Path, target: Path) -> Path:
-        calls.append(self.name)
-        if len(calls) == (2 if step.startswith("after the old") else 3):
-            raise _BreakError
-        return rename(self, target)
-
-    def killed_remove(_: Path) -> None:
-        raise _BreakError
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "rename", killed)
-        if step.startswith("after the new"):
-            patch.setattr(swap, "_remove", lambda path: killed_remove(path) if path.exists() else None)
-        with pytest.raises(_BreakError):
-            write_database(folder, _entries(robot, 3), robot, stages={})
-    assert len(read_database(folder).clips) == (2 if step.startswith("after the old") else 3)
-    write_database(folder, _entries(robot, 1), robot, stages={})
-    assert len(read_database(folder).clips) == 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == [".t1.lock", "t1"]
-
-
-def test_two_writers_at_once_are_told_apart(robot: Robot, tmp_path: Path):
-    def second(part: Path) -> None:
-        write_database(tmp_path / "t1", [], robot, stages={})
-
-    with pytest.raises(FileError, match="another process"):
-        swap.replace_folder(tmp_path / "t1", second)
+    assert bytes_of(folder) == before
 
 
 def _edit(change: Callable[[dict], None]) -> Callable[[Path], None]:
@@ -314,7 +224,7 @@ def _edit(change: Callable[[dict], None]) -> Callable[[Path], None]:
 )
 def test_a_damaged_clip_is_named_with_its_fault(robot: Robot, tmp_path: Path, damage: Callable, fault: str):
     folder = tmp_path / "t1"
-    write_database(folder, _entries(robot), robot, stages={})
+    write_database(folder, entries_of(robot), robot, stages={})
     name = file_name("source/clip0@0-60~mirror")
     damage(folder / name)
     with pytest.raises(DatabaseError, match=fault) as raised:
@@ -327,7 +237,7 @@ def test_a_damaged_clip_is_named_with_its_fault(robot: Robot, tmp_path: Path, da
 
 def test_all_faults_are_said_at_once(robot: Robot, tmp_path: Path):
     folder = tmp_path / "t1"
-    write_database(folder, _entries(robot), robot, stages={})
+    write_database(folder, entries_of(robot), robot, stages={})
     (folder / file_name("source/clip0@0-60~mirror")).unlink()
     (folder / file_name("source/clip1@0-60~mirror")).write_text("{}")
     (folder / "stray.json").write_text("{}")
@@ -353,7 +263,7 @@ def test_a_weight_that_is_none_is_refused(robot: Robot, tmp_path: Path, weight: 
 
 def test_a_name_given_twice_is_refused(robot: Robot, tmp_path: Path):
     with pytest.raises(ClipError, match="given twice"):
-        write_database(tmp_path / "t1", _entries(robot, 1) * 2, robot, stages={})
+        write_database(tmp_path / "t1", entries_of(robot, 1) * 2, robot, stages={})
 
 
 @pytest.mark.parametrize(
@@ -388,7 +298,7 @@ def test_clips_that_look_alike_have_files_of_their_own():
 
 
 def test_whole_numbers_of_the_index_stay_whole_and_others_do_not(robot: Robot, tmp_path: Path):
-    entries = _entries(robot, 2)
+    entries = entries_of(robot, 2)
     said = [{"start_frame": 0, "filled_frames": 2**53 + 1, "limit": 1}, {"start_frame": 86, "limit": 0.5}]
     entries = [dataclasses.replace(one, numbers=numbers) for one, numbers in zip(entries, said, strict=True)]
     write_database(tmp_path / "t1", entries, robot, stages={})

@@ -25,7 +25,7 @@ def test_feet_that_slide_while_they_bear_are_a_slip(signals):
     swings = dataclasses.replace(signals, sole_speed=speed, sole_height=np.full_like(signals.sole_height, 0.1))
     assert slips(swings, FAILURES.slip, END_S) == []
     skims = dataclasses.replace(signals, sole_speed=speed, support=np.full_like(signals.support, 0.05))
-    assert slips(skims, FAILURES.slip, END_S) == [], "a foot that swings 5 mm over the ground bears nothing"
+    assert slips(skims, FAILURES.slip, END_S) == [], "a foot that swings 5 mm over the ground carries nothing"
 
 
 def test_a_window_at_the_end_is_as_long_as_any():

@@ -17,7 +17,8 @@ from pipeline.retarget.foot_reach import Hips, lacking
 from pipeline.retarget.narrowing import lateral_share, narrowed
 from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.robot_body import ankle_pitch
-from pipeline.retarget.solver import FRAME, Solver, solver_for
+from pipeline.retarget.solver import Solver, solver_for
+from pipeline.retarget.solver_urdf import FRAME
 from pipeline.retarget.trunk_lean import limited_lean
 from pipeline.robot import Kinematics, load_robot
 from pipeline.scoring import score

@@ -19,7 +19,7 @@ from pipeline.errors import ClipError, PipelineError
 from pipeline.files import digest
 from pipeline.files import settings as settings_file
 from pipeline.quality import retargeting, sole
-from pipeline.retarget import RetargetSettings, process, solver
+from pipeline.retarget import RetargetSettings, process, solver_urdf
 from pipeline.retarget.process import onto_robot
 from pipeline.robot import Kinematics, load_robot, mujoco_model, render
 from pipeline.scoring import FIGURES, score
@@ -193,7 +193,7 @@ def test_a_site_with_the_name_of_a_joint_changes_no_motion(tmp_path):
 
 def test_a_joint_that_can_not_be_fixed_is_named():
     with pytest.raises(PipelineError, match="no joint 'Waist' with an origin and an axis"):
-        solver._fix(Xml.fromstring('<robot><joint name="Waist" type="revolute"/></robot>'), "Waist", 0.1)
+        solver_urdf._fix(Xml.fromstring('<robot><joint name="Waist" type="revolute"/></robot>'), "Waist", 0.1)
 
 
 def test_limbs_trunk_and_heading_follow_the_person():

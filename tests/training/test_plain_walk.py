@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.deployment import load_policy
-from pipeline.training.plain_walk import Walk, walked
+from pipeline.training.plain_walk import Walk, World, walked
 from pipeline.validation.cells import command_cells
 from pipeline.validation.deployed import deployed
 from pipeline.validation.figures import measure
@@ -46,3 +47,11 @@ def test_a_push_ends_in_a_fall_exactly_where_validation_has_one(bundle_folder, r
     found = walked(bundle_folder, root / SHIPPED, walk)
     assert found["fell"] == float(falls)
     assert not falls or 4.0 < found["fell_s"] < 7.0
+
+
+def test_joint_targets_that_are_not_finite_count_as_a_fall(bundle_folder, root):
+    world = World(bundle_folder, load_policy(root / SHIPPED), Walk(command=(0.0, 0.0, 0.0)))
+    world.decide()
+    assert not world.fell
+    world.target[3] = np.nan
+    assert world.fell
