@@ -28,17 +28,11 @@ LIMIT_MARGIN = 1e-6
 ANKLE_MARGIN = 0.06
 """Distance [rad] kept from the ankle's toes-up limit; with the roll at its limit too, foot and shank would overlap."""
 
-RESETTLE_ITERATIONS = 6
-"""Solves on frame 0 from a solution for nearly the same targets."""
-
-BACK_ON_START = 1e-5
+SAME = 1e-5
 """Largest difference [m, rad] of two solutions of a frame that count as the same."""
 
 ROOT_QUAT = [6, 3, 4, 5]
 """Places of the root's orientation, wxyz, in placo's state."""
-
-DAMPING = 1e-6
-"""Weight of the step's square; it keeps the program strictly convex."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +93,6 @@ class Solver:
         ]
         for side, position, orientation in zip(FEET, self._foot_position, self._foot_orientation, strict=True):
             self._weighted += [(side, [position]), (side, [orientation])]
-        solver.add_regularization_task(DAMPING)
 
     def solve(
         self,
@@ -113,7 +106,7 @@ class Solver:
     ) -> Trajectory:
         """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
 
-        It settles on frame 0 from `posture`, or in fewer solves from the first frame of a similar trajectory `start`.
+        It settles on frame 0 from `posture`, or from the first frame of a similar trajectory `start`.
         Raises ClipError that names the clip and the frame where the program has no solution.
 
         Args:
@@ -132,7 +125,6 @@ class Solver:
             self._start(targets.pelvis_pos_w[0], targets.trunk_quat_w[0], posture[0])
         else:
             self._start(start.root_pos_w[0], start.root_quat_w[0], start.joint_pos[0])
-        settling = settings.settle_iterations if start is None else min(RESETTLE_ITERATIONS, settings.settle_iterations)
         self._configure(settings.weights, posture_weight)
         self._limit_speed(settings)
         states, todo = np.empty((frames, len(self._wrapper.state.q))), None
@@ -148,16 +140,18 @@ class Solver:
                 self._solver.enable_velocity_limits(True)
             feed.set(frame)
             try:
-                for _ in range(settling if frame == 0 else 1):
-                    solve(True)
+                for _ in range(settings.settle_iterations if frame == 0 else 1):
+                    step = solve(True)
                     update_kinematics()
+                    if frame == 0 and np.abs(step).max() < SAME:
+                        break
             except RuntimeError as error:
                 problem = f"the inverse kinematics has no solution ({error})."
                 raise ClipError(clip, "no_solution", problem, frame) from error
             if frame == 0:
                 self._solver.enable_velocity_limits(True)
             q = state.q
-            solving = todo is None or todo[frame] or bool(np.abs(q - states[frame]).max() > BACK_ON_START)
+            solving = todo is None or todo[frame] or bool(np.abs(q - states[frame]).max() > SAME)
             states[frame] = q
         joint_pos = np.tile(self.robot.default_joint_pos, (frames, 1))
         joint_pos[:, self._joints] = states[:, self._columns]
