@@ -85,7 +85,7 @@ class Solver:
             solver.add_axisalign_task(human[limb], axis, axis)
             for (limb, _, _), axis in zip(LIMBS, self.body.limb_axes_b, strict=True)
         ]
-        self._weighted = [
+        self._weighted = [  # tasks whose weights change, in the order of _weights_of_pelvis and _weights_of_foot
             ("pelvis_horizontal", [self._pelvis_horizontal]),
             ("pelvis_height", [self._pelvis_height]),
             ("foot_height", self._foot_height),
