@@ -63,8 +63,8 @@ class ClipPool:
     ) -> Iterator[Any]:
         """Results of `function(*call)` for each call, in order, as they come.
 
-        A single call, or a pool of one worker, runs in this process. Processes on this machine end with this one,
-        however it ends. Of a cluster, the calls of a worker that dies go to other workers.
+        A single call, or a pool of one worker, runs in this process. Processes on this machine begin at once and end
+        with this one, however it ends. Of a cluster, the calls of a worker that dies go to other workers.
 
         Args:
             shared: folders that calls read and write, which a cluster's workers must see under the same path
@@ -73,15 +73,13 @@ class ClipPool:
         """
         workers = min(self.workers or joblib.cpu_count(), len(calls))
         if self.backend == DASK and calls:
-            yield from self._cluster().map(function, calls, shared, on_lost)
-            return
+            return self._cluster().map(function, calls, shared, on_lost)
         if workers <= 1 or self.backend == SEQUENTIAL:
-            yield from (function(*call) for call in calls)
-            return
+            return (function(*call) for call in calls)
         with joblib.parallel_config(backend=LOKY, n_jobs=workers):
             parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs")
             work = partial(_ending_with, os.getpid(), function)
-            yield from parallel(joblib.delayed(work)(*call) for call in calls)
+            return parallel(joblib.delayed(work)(*call) for call in calls)
 
     def _cluster(self) -> Any:
         from pipeline.batch.cluster import connected

@@ -10,6 +10,7 @@ import itertools
 import json
 import os
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -110,9 +111,9 @@ class Store:
         return columns["clip"] if all(map(self.holds, columns["blob"])) else None
 
     def put_shard(self, shard: Shard[Row]) -> Shard[Row]:
-        """Store the rows of a shard on the disk, before a manifest names it; the shard without its bytes."""
+        """Store the rows of a shard; the shard without its bytes."""
         if isinstance(shard.place, bytes):
-            self.shards.put(shard.place, synced=True)
+            self.shards.put(shard.place)
         return dataclasses.replace(shard, place=self.shards)
 
     def holds_blobs_of(self, asset: str) -> bool:
@@ -121,7 +122,8 @@ class Store:
         if not isinstance(manifest.entries, Rows):  # of an earlier version
             return all(self.holds(entry.blob) for entry in manifest.entries)
         judged = all(self.holds(shard.digest, "shards") for shard in manifest.judged_shards)
-        return judged and all(self.clips_of(shard) is not None for shard in manifest.entry_shards)
+        with ThreadPoolExecutor(digest.THREADS) as pool:
+            return judged and all(clips is not None for clips in pool.map(self.clips_of, manifest.entry_shards))
 
     def note_blobs(self) -> None:
         """Keep for later runs which blobs were found unchanged. Raises FileError when the disk refuses."""
@@ -222,22 +224,8 @@ class Store:
         It is not forced to the disk, as that takes longer than many an answer: one that a power cut tears is no
         JSON or not there, and its question is asked again.
         """
-        path = Path(self._memo_path(key))
-        aside = path.with_name(f".{key}.{os.getpid()}.part")
         text = json.dumps({**answer, STAGE: stage}, sort_keys=True, allow_nan=False)
-        try:
-            try:
-                aside.write_text(text)
-            except FileNotFoundError:  # the first answer of its folder
-                path.parent.mkdir(parents=True, exist_ok=True)
-                aside.write_text(text)
-            asked_ns = self._asking(stage)
-            os.utime(aside, ns=(asked_ns, asked_ns))
-            aside.replace(path)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                aside.unlink(missing_ok=True)
-            raise FileError(path, f"could not be written ({error}).", "Is the disk full?") from error
+        atomic.write_unsynced(self._memo_path(key), text.encode(), self._asking(stage))
 
     def _memo_path(self, key: str) -> str:
         return f"{self.root}/memo/{key[:2]}/{key}.json"
@@ -254,6 +242,8 @@ class Store:
         shards: tuple[Shard[Any], ...] = (*manifest.entry_shards, *manifest.judged_shards)
         for shard in shards:
             self.put_shard(shard)
+        files = [self.shards.path(shard.digest) for shard in shards]
+        atomic.sync([*files, *(file.parent for file in files), self.shards.root])
         atomic.write_text(self.manifest_path(asset), manifest.to_text())
 
     def load(self, asset: str) -> Manifest:

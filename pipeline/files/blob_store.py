@@ -90,15 +90,14 @@ class BlobStore:
         except OSError:
             return False
 
-    def put(self, data: bytes, *, synced: bool = False) -> str:
+    def put(self, data: bytes) -> str:
         """Store `data`, also over a blob of that name that was damaged; its digest.
 
-        Without `synced` it is not forced to the disk: one that a power cut tears does not have its name's digest, and
-        is made again.
+        It is not forced to the disk: one that a power cut tears does not have its name's digest, and is made again.
         """
         blob = digest.of_bytes(data)
         if not self._has_bytes(blob, data):
-            atomic.write_bytes(self.path(blob), data, synced=synced)
+            atomic.write_unsynced(self.path(blob), data)
         if self.remote is not None:
             self.remote.put(data)
         return blob
