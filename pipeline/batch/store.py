@@ -243,7 +243,11 @@ class Store:
         for shard in shards:
             self.put_shard(shard)
         files = [self.shards.path(shard.digest) for shard in shards]
-        atomic.sync([*files, *(file.parent for file in files), self.shards.root])
+        folders = dict.fromkeys(folder for file in files for folder in file.parents[:2])
+        try:
+            atomic.sync([*files, *folders])
+        except OSError as error:
+            raise FileError(self.shards.root, f"could not be written ({error}).", "Is the disk full?") from error
         atomic.write_text(self.manifest_path(asset), manifest.to_text())
 
     def load(self, asset: str) -> Manifest:
