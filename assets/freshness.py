@@ -113,9 +113,7 @@ def last_tags(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, st
     return last_tags_of(instance, [key]).get(key)
 
 
-def last_tags_of(
-    instance: dg.DagsterInstance, keys: Collection[dg.AssetKey]
-) -> dict[dg.AssetKey, Mapping[str, str]]:
+def last_tags_of(instance: dg.DagsterInstance, keys: Collection[dg.AssetKey]) -> dict[dg.AssetKey, Mapping[str, str]]:
     """Tags of the last materialization of each asset that was ever materialized, read together."""
     events = instance.event_log_storage.get_latest_materialization_events(keys)
     made = {key: event.asset_materialization for key, event in events.items() if event is not None}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import threading
 import time
@@ -12,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import joblib
 
 from pipeline.errors import PipelineError, UnknownNameError
@@ -78,7 +80,7 @@ class ClipPool:
             return (function(*call) for call in calls)
         with joblib.parallel_config(backend=LOKY, n_jobs=workers):
             parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs")
-            work = partial(_ending_with, os.getpid(), function)
+            work = partial(_ending_with, os.getpid(), cloudpickle.dumps(function))
             return parallel(joblib.delayed(work)(*call) for call in calls)
 
     def _cluster(self) -> Any:
@@ -87,12 +89,18 @@ class ClipPool:
         return connected(self.address, 0 if self.address else self.workers or joblib.cpu_count())
 
 
-def _ending_with(parent: int, function: Callable[..., Any], *call: Any) -> Any:
-    """`function(*call)` in a worker process that ends when its parent does."""
+def _ending_with(parent: int, function: bytes, *call: Any) -> Any:
+    """What a pickled function makes of `call`, in a worker process that ends when its parent does."""
     if not _WATCHED and os.getppid() == parent:
         _WATCHED.append(parent)
         threading.Thread(target=_watch, args=(parent,), daemon=True).start()
-    return function(*call)
+    return _unpickled(function)(*call)
+
+
+@functools.lru_cache(maxsize=1)
+def _unpickled(function: bytes) -> Callable[..., Any]:
+    """The function, and with it what it holds (a robot), the same for one call after the other."""
+    return cloudpickle.loads(function)
 
 
 _WATCHED: list[int] = []

@@ -27,7 +27,7 @@ from pipeline.errors import ClipError
 PROGRESS_EVERY_S = 5.0
 
 
-AT_A_TIME = 2048
+AT_A_TIME = 1024
 """Clips to work on that a pool gets together, the next ones before it has finished: its processes stay at work."""
 
 
@@ -153,7 +153,9 @@ def _gather(
         return jobs_of, _worked_on(asked, work, pool, store)
 
     batches = itertools.chain(map(begun, _batches(todo)), [None])
-    for (jobs_of, answered), _ in itertools.pairwise(batches):  # the pool has the next batch before this one is awaited
+    for batch, _ in itertools.pairwise(batches):  # the pool has the next batch before this one is awaited
+        assert batch is not None
+        jobs_of, answered = batch
         worked: dict[str, dict[str, Any]] = {}
         for job, answer in answered:
             worked[job.key] = answer

@@ -243,7 +243,7 @@ class Store:
         for shard in shards:
             self.put_shard(shard)
         files = [self.shards.path(shard.digest) for shard in shards]
-        folders = dict.fromkeys(folder for file in files for folder in file.parents[:2])
+        folders = {self.shards.root, *(file.parent for file in files)} if files else ()
         try:
             atomic.sync([*files, *folders])
         except OSError as error:

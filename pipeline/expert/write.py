@@ -13,6 +13,7 @@ import json
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +37,8 @@ HERE = ClipPool(backend="sequential")
 
 A_CALL = 16
 """Clips that a process writes before it reports."""
-AT_A_TIME = 2048
-"""Clips whose entries are at hand at a time where several processes write."""
+AT_A_TIME = 1024
+"""Clips that several processes get together, the next ones before they have finished."""
 
 MAX_JOINT_STEP = 0.05
 """Largest change of a joint over the seam [rad] beyond what one frame of motion makes (judgement: 2.5 rad/s)."""
@@ -235,17 +236,24 @@ def _write_clips(
     texts: dict[str, str] = {}
     stages, stages_text = None, ""
     faults: list[str] = []
-    for few in _in_batches(entries, pool):
+    work = partial(_write_files, part=part, robot=robot, in_place=known.folder)
+
+    def begun(few: list[ExpertEntry]) -> tuple[list[ExpertEntry], Iterator[Written]]:
+        """Some entries, and what processes write of them."""
         for entry in few:
             _check(entry, names)
             names.add(entry.clip.name)
         asked = [(dataclasses.replace(entry, numbers={}, stages={}), known.written.get(_blob(entry))) for entry in few]
-        calls = [(part, asked[first : first + A_CALL], robot, known.folder) for first in range(0, len(asked), A_CALL)]
+        calls = [(asked[first : first + A_CALL],) for first in range(0, len(asked), A_CALL)]
         stores = [entry.clip.store for entry in few if isinstance(entry.clip, StoredClip)]
         shared = dict.fromkeys((part.parent, *(folder for store in stores for folder in store.shared_folders)))
         own = stores[0].pool_of_files(pool) if stores else pool
-        written = (each for found in own.map(_write_files, calls, shared=tuple(shared)) for each in found)
-        for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
+        return few, itertools.chain.from_iterable(own.map(work, calls, shared=tuple(shared)))
+
+    batches = itertools.chain(map(begun, _in_batches(entries, pool)), [None])
+    for batch, _ in itertools.pairwise(batches):  # the pool has the next batch before this one is awaited
+        assert batch is not None
+        for entry, (own, sha256, own_faults) in zip(*batch, strict=True):
             faults += own_faults
             if isinstance(entry.clip, StoredClip):
                 known.made[entry.clip.blob] = own
@@ -288,7 +296,7 @@ Written = tuple[WrittenFrames, str, list[str]]
 
 
 def _write_files(
-    part: Path, entries: list[tuple[ExpertEntry, WrittenFrames | None]], robot: Robot, in_place: Path
+    entries: list[tuple[ExpertEntry, WrittenFrames | None]], *, part: Path, robot: Robot, in_place: Path
 ) -> list[Written]:
     """Entries written: those whose frames the database in place has are copied, others checked and encoded.
 

@@ -113,8 +113,10 @@ def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:
     sink = pa.BufferOutputStream()
     with pq.ParquetWriter(sink, schema, compression="zstd") as writer:
         for start in range(0, len(table), ROWS_AT_A_TIME):
-            part = {name: own[start : start + ROWS_AT_A_TIME] for name, own in columns.items()}
-            arrays = [texts[name].take(pa.array(own)) if name in texts else pa.array(own, from_pandas=True) for name, own in part.items()]
+            part = {
+                name: pa.array(own[start : start + ROWS_AT_A_TIME], from_pandas=True) for name, own in columns.items()
+            }
+            arrays = [texts[name].take(own) if name in texts else own for name, own in part.items()]
             writer.write_table(pa.table(arrays, schema=schema))
     atomic.write_bytes(path, sink.getvalue().to_pybytes())
 

@@ -14,8 +14,8 @@ def of_bytes(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def of_file(path: Path) -> str:
-    with path.open("rb") as stream:
+def of_file(path: Path | str) -> str:
+    with open(path, "rb", buffering=0) as stream:  # noqa: PTH123, asked for each clip of each stage
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
