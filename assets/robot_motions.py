@@ -153,7 +153,7 @@ def feasible_motions(
         metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
         cells = coverage(manifest.entry_table([*NEEDED, *WHERE_THERE]), values.balance, commands).cells
         metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
-    metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
+    metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table([]), "KP5: clips that lost most"))
     metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
     what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
     check = check_result(plan, STORED, not damaged, what, warn=False)

@@ -7,16 +7,18 @@ import functools
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cloudpickle
 import joblib
 
 from pipeline.errors import PipelineError, UnknownNameError
+
+T = TypeVar("T")
 
 WATCH_EVERY_S = 1.0
 """How often a worker process looks whether its parent is there."""
@@ -81,12 +83,22 @@ class ClipPool:
         with joblib.parallel_config(backend=LOKY, n_jobs=workers):
             parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs")
             work = partial(_ending_with, os.getpid(), cloudpickle.dumps(function))
-            return parallel(joblib.delayed(work)(*call) for call in calls)
+            return iter(parallel(joblib.delayed(work)(*call) for call in calls))
 
     def _cluster(self) -> Any:
         from pipeline.batch.cluster import connected
 
         return connected(self.address, 0 if self.address else self.workers or joblib.cpu_count())
+
+
+def one_ahead(batches: Iterable[T]) -> Iterator[T]:
+    """Batches of a pool's work, each begun before the one before it is awaited, so that no process waits for work."""
+    begun: list[T] = []
+    for batch in batches:
+        if begun:
+            yield begun.pop()
+        begun.append(batch)
+    yield from begun
 
 
 def _ending_with(parent: int, function: bytes, *call: Any) -> Any:

@@ -5,7 +5,6 @@ the numbers of earlier stages. So the same question is never worked on twice, in
 of an unchanged shard are recalled together: one more clip costs what its own shard costs, of however many there are.
 """
 
-import itertools
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,7 +16,7 @@ from typing import Any
 from pipeline.batch.again import clips_again
 from pipeline.batch.answer import rejection, work_on_clips, work_on_files
 from pipeline.batch.manifest import Manifest
-from pipeline.batch.pool import ClipPool
+from pipeline.batch.pool import ClipPool, one_ahead
 from pipeline.batch.rows import Entry
 from pipeline.batch.shard import Rows, Shard, cut, shards_of
 from pipeline.batch.shard_answers import Job, Stage, recalled, result_of
@@ -152,10 +151,7 @@ def _gather(
         asked = [job for place in places for job in jobs_of[place] if job.key in todo[place]]
         return jobs_of, _worked_on(asked, work, pool, store)
 
-    batches = itertools.chain(map(begun, _batches(todo)), [None])
-    for batch, _ in itertools.pairwise(batches):  # the pool has the next batch before this one is awaited
-        assert batch is not None
-        jobs_of, answered = batch
+    for jobs_of, answered in one_ahead(map(begun, _batches(todo))):
         worked: dict[str, dict[str, Any]] = {}
         for job, answer in answered:
             worked[job.key] = answer

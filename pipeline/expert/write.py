@@ -23,11 +23,12 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.batch import ClipPool, Store
+from pipeline.batch.pool import one_ahead
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, frames_of_clips, numbers_text, rounded
-from pipeline.expert.read import DatabaseError, check_database, faults_of_frames, read_clip
+from pipeline.expert.read import Contents, DatabaseError, check_database, faults_of_frames, read_clip
 from pipeline.expert.swap import DatabaseSettings, current, replace_folder
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
@@ -134,8 +135,8 @@ def write_database(
     stages: Mapping[str, Any],
     settings: DatabaseSettings | None = None,
     pool: ClipPool = HERE,
-) -> dict:
-    """Replace the database in `folder` by one of `entries`; its manifest.
+) -> Contents:
+    """Replace the database in `folder` by one of `entries`; its manifest and index, read back.
 
     Before it replaces the old one, the new one is checked: the frames that are encoded here, the clip files that
     `_write_files` reads back, and every file's digest. The order of the entries doesn't matter; a few are written at a
@@ -149,7 +150,7 @@ def write_database(
             they allow; without them the old one is removed, whatever it held
         pool: processes that write clips; for more than one, entries should name stored clips
     """
-    made: dict = {}
+    made: list[Contents] = []
     known = Known(folder=current(folder), written=read_written(folder, robot), made={})
 
     def fill(part: Path) -> None:
@@ -162,10 +163,9 @@ def write_database(
         (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
         text = manifest.sealed(part, head, {row["file"]: row["sha256"] for row in rows})
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
-        made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part, frames=False)  # by digests; frames were checked when they were first written
+        made.append(check_database(part, frames=False))  # frames were checked when they were first written
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -182,7 +182,7 @@ def write_database(
     if known.made:
         with contextlib.suppress(FileError):  # without it the next run encodes all frames again
             note_written(folder, robot, known.made)
-    return made
+    return made[-1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,10 +250,9 @@ def _write_clips(
         own = stores[0].pool_of_files(pool) if stores else pool
         return few, itertools.chain.from_iterable(own.map(work, calls, shared=tuple(shared)))
 
-    batches = itertools.chain(map(begun, _in_batches(entries, pool)), [None])
-    for batch, _ in itertools.pairwise(batches):  # the pool has the next batch before this one is awaited
-        assert batch is not None
-        for entry, (own, sha256, own_faults) in zip(*batch, strict=True):
+    batches = map(begun, _in_batches(entries, pool))
+    for few, written in batches if pool.backend == HERE.backend else one_ahead(batches):
+        for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
             faults += own_faults
             if isinstance(entry.clip, StoredClip):
                 known.made[entry.clip.blob] = own

@@ -40,7 +40,7 @@ class DigestMemory:
             if isinstance(known, list) and known[:-1] == state and isinstance(known[-1], str):
                 break
         else:
-            known = [*state, digest.of_file(name)]
+            known = [*state, digest.of_file(Path(name))]
             if _state(Path(name).stat()) != state or time.time_ns() - stat.st_ctime_ns < SETTLED_NS:
                 self._used.pop(name, None)
                 return known[-1]
