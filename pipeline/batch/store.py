@@ -25,7 +25,7 @@ from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
-from pipeline.files.blob_store import BlobStore, DigestMemory
+from pipeline.files.blob_store import BlobStore, DigestMemory, state_of
 from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 LOCK = "lock"
@@ -99,9 +99,12 @@ class Store:
     def holds(self, blob: str, kind: str = "blobs") -> bool:
         """Whether a blob (or a file of `shards`) is there under its content; an untouched one is read once."""
         try:
-            return self._digests.of(f"{self.root}/{kind}/{blob[:2]}/{blob}") == blob
+            return self._digests.of(self._file(blob, kind)) == blob
         except OSError:
             return kind == "blobs" and self.own_blobs.copied(blob)
+
+    def _file(self, blob: str, kind: str = "blobs") -> str:
+        return f"{self.root}/{kind}/{blob[:2]}/{blob}"
 
     def clips_of(self, shard: Shard[Entry]) -> list[str] | None:
         """The clips of a shard; None where its file or a blob that it names is missing or was changed."""
@@ -182,19 +185,26 @@ class Store:
         to_read = list(dict.fromkeys(blob for _, _, blobs in unchecked for blob in blobs))
         calls = [(to_read[first : first + A_CALL],) for first in range(0, len(to_read), A_CALL)]
         answers = pool.map(self._all_round_trip, calls, shared=self.shared_folders)
-        round_trips = dict(zip(to_read, itertools.chain.from_iterable(answers), strict=True))
+        states = dict(zip(to_read, itertools.chain.from_iterable(answers), strict=True))
+        for blob, state in states.items():
+            if state:  # it was read whole: `holds` need not read it again
+                self._digests.note(self._file(blob), state, blob)
         for key, _, blobs in unchecked:
-            if all(round_trips[blob] for blob in blobs):
+            if all(states[blob] is not None for blob in blobs):
                 self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
         return [
             clip
             for _, clips, blobs in unchecked
             for clip, blob in zip(clips, blobs, strict=True)
-            if not round_trips[blob]
+            if states[blob] is None
         ]
 
-    def _all_round_trip(self, blobs: list[str]) -> list[bool]:
-        return [self.round_trips(blob) for blob in blobs]
+    def _all_round_trip(self, blobs: list[str]) -> list[list[int] | None]:
+        """What each blob's file is known by, nothing of one at a URL; None where it does not round-trip."""
+        states = [
+            [] if self.blobs_url or not self.own_blobs.has(blob) else state_of(self._file(blob)) for blob in blobs
+        ]
+        return [state if self.round_trips(blob) else None for blob, state in zip(blobs, states, strict=True)]
 
     def recall(self, key: str, stage: str) -> dict[str, Any] | None:
         """The remembered answer to a question of a stage, if all the blobs it names are there and unchanged.
