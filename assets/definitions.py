@@ -79,7 +79,7 @@ for _robot in PROJECT.robots:
         *policy_assets(_robot),
     ]
 
-# Stages make tables of millions of values, none of them garbage: without this a third of their time is its collection.
+# Stages make tables of millions of values, none of them garbage: looking for it would take as long as making them.
 gc.freeze()
 gc.set_threshold(100_000)
 
