@@ -10,6 +10,7 @@ import itertools
 import json
 import os
 import time
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -173,8 +174,11 @@ class Store:
     def _askings_path(self) -> Path:
         return self.root / "askings.json"
 
-    def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
-        """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again."""
+    def damaged(self, manifest: Manifest, pool: ClipPool) -> Iterator[str]:
+        """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again.
+
+        The pool begins at once. It is awaited when the first clip is asked for.
+        """
         version = code_version()
         unchecked: list[tuple[str, list[str], list[str]]] = []  # key of the answer, clips, blobs
         for shard in manifest.entry_shards:
@@ -185,19 +189,20 @@ class Store:
         to_read = list(dict.fromkeys(blob for _, _, blobs in unchecked for blob in blobs))
         calls = [(to_read[first : first + A_CALL],) for first in range(0, len(to_read), A_CALL)]
         answers = pool.map(self._all_round_trip, calls, shared=self.shared_folders)
-        states = dict(zip(to_read, itertools.chain.from_iterable(answers), strict=True))
+        return self._damaged(unchecked, zip(to_read, itertools.chain.from_iterable(answers), strict=True))
+
+    def _damaged(
+        self, unchecked: list[tuple[str, list[str], list[str]]], answers: Iterable[tuple[str, list[int] | None]]
+    ) -> Iterator[str]:
+        states = dict(answers)
         for blob, state in states.items():
             if state:  # it was read whole: `holds` need not read it again
                 self._digests.note(self._file(blob), state, blob)
         for key, _, blobs in unchecked:
             if all(states[blob] is not None for blob in blobs):
                 self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
-        return [
-            clip
-            for _, clips, blobs in unchecked
-            for clip, blob in zip(clips, blobs, strict=True)
-            if states[blob] is None
-        ]
+        for _, clips, blobs in unchecked:
+            yield from (clip for clip, blob in zip(clips, blobs, strict=True) if states[blob] is None)
 
     def _all_round_trip(self, blobs: list[str]) -> list[list[int] | None]:
         """What each blob's file is known by, nothing of one at a URL; None where it does not round-trip."""

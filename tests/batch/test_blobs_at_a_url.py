@@ -141,7 +141,7 @@ def test_workers_of_a_cluster_that_do_not_see_the_store_work_through_the_url(tmp
         made = run_stage(work, before, there, pool, LOG)
         assert [entry.numbers["sees"] for entry in made.entries] == [False] * 3
         assert [entry.blob for entry in made.entries] == [entry.blob for entry in expected.entries]
-        assert there.damaged(made, pool) == []
+        assert [*there.damaged(made, pool)] == []
         entries = [
             ExpertEntry(
                 clip=StoredClip(name=entry.clip, blob=entry.blob, store=there),

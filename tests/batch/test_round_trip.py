@@ -31,7 +31,7 @@ def test_a_blob_that_round_trips_is_not_read_again_to_be_known_as_whole(tmp_path
     whole, cut = store.put_clip(standing(robot)), store.put_clip(standing(robot, 3.0))
     entries = (Entry(clip="a", blob=whole, numbers={}), Entry(clip="b", blob=cut, numbers={}))
     store.own_blobs.path(cut).write_bytes(store.own_blobs.path(cut).read_bytes()[:-1])
-    assert store.damaged(Manifest(stage="made", entries=entries), pool) == ["b"]
+    assert [*store.damaged(Manifest(stage="made", entries=entries), pool)] == ["b"]
     monkeypatch.setattr(blob_store.digest, "of_file", lambda path: "read")
     assert store.holds(whole)
     store.own_blobs.path(whole).write_bytes(b"damaged")
