@@ -184,6 +184,6 @@ def percentile(values: np.ndarray, percent: float) -> np.ndarray | np.floating:
 
 def _mean_angle(angles: np.ndarray, near: float) -> float:
     """Median of angles [rad] around their circular mean, on the branch closest to `near`."""
-    mean = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
+    mean = np.arctan2(np.sin(angles).sum(), np.cos(angles).sum())
     centre = mean + median(rotation.wrap(angles - mean))
     return float(near + rotation.wrap(centre - near))

@@ -29,22 +29,21 @@ def overlap(
     feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, gap: float
 ) -> Float[np.ndarray, " t"]:
     """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between their soles."""
-    places = np.linspace(sole.rear + sole.half_width, sole.front - sole.half_width, DISCS)
-    cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    discs_x = feet[..., :1] + places * np.cos(feet[..., YAW])[..., None]
-    discs_y = feet[..., 1:2] + places * np.sin(feet[..., YAW])[..., None]
+    places = np.linspace(sole.rear + sole.half_width, sole.front - sole.half_width, DISCS)[:, None]
+    cosine, sine, yaw = np.cos(heading), np.sin(heading), feet[:, None, :, YAW]
+    discs_x, discs_y = feet[:, None, :, 0] + places * np.cos(yaw), feet[:, None, :, 1] + places * np.sin(yaw)
     across = cosine * discs_y - sine * discs_x
     reach = 2.0 * CORNER * sole.half_width + gap
     lacking = np.zeros(len(heading))
-    near = across[0].min(axis=1) - across[1].max(axis=1) < reach  # others are apart wherever they are along the heading
+    near = across[0].min(axis=0) - across[1].max(axis=0) < reach  # others are apart wherever they are along the heading
     if not near.any():
         return lacking
-    left, right = (cosine * discs_x + sine * discs_y)[:, near]
-    way = left[:, :, None] - right[:, None, :]
+    left, right = (cosine * discs_x + sine * discs_y)[..., near]
+    way = left[:, None] - right
     needed = np.sqrt(np.maximum(reach**2 - way**2, 0.0))
-    left, right = across[:, near]
-    apart = left[:, :, None] - right[:, None, :]
-    lacking[near] = np.maximum(np.where(np.abs(way) < reach, needed - apart, 0.0).max(axis=(1, 2)), 0.0)
+    left, right = across[..., near]
+    apart = left[:, None] - right
+    lacking[near] = np.maximum(np.where(np.abs(way) < reach, needed - apart, 0.0).max(axis=(0, 1)), 0.0)
     return lacking
 
 
@@ -58,37 +57,37 @@ def corner_overlap(
     """
     along, across = _corners(feet, heading, sole, gap / 2.0)
     lacking = np.zeros(len(heading))
-    near = across[0].min(axis=1) < across[1].max(axis=1)
+    near = across[0].min(axis=0) < across[1].max(axis=0)
     if near.any():
-        along, across = along[:, near], across[:, near]
+        along, across = along[..., near], across[..., near]
         outward = np.stack([-across[0], across[1]])
-        inner, outer = _outline(along, outward, np.concatenate([along[0], along[1]], axis=1))
-        lacking[near] = np.maximum((outer + inner).max(axis=1), 0.0)
+        inner, outer = _outline(along, outward, np.concatenate([along[0], along[1]]))
+        lacking[near] = np.maximum((outer + inner).max(axis=0), 0.0)
     return lacking
 
 
 def _corners(
     feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, wider: float
-) -> tuple[Float[np.ndarray, "2 t 4"], Float[np.ndarray, "2 t 4"]]:
+) -> tuple[Float[np.ndarray, "2 4 t"], Float[np.ndarray, "2 4 t"]]:
     """Corners of soles that are `wider` [m] on all sides, in order: along the heading, and to its left."""
-    x = np.array([sole.rear - wider, sole.front + wider])[[0, 1, 1, 0]]
-    y = (sole.half_width + wider) * np.array([-1.0, -1.0, 1.0, 1.0])
-    turn = (feet[..., YAW] - heading)[..., None]
+    x = np.array([sole.rear - wider, sole.front + wider])[[0, 1, 1, 0], None]
+    y = (sole.half_width + wider) * np.array([[-1.0], [-1.0], [1.0], [1.0]])
+    turn = feet[:, None, :, YAW] - heading
     cosine, sine, cosine_turn, sine_turn = np.cos(heading), np.sin(heading), np.cos(turn), np.sin(turn)
-    along = (cosine * feet[..., 0] + sine * feet[..., 1])[..., None] + x * cosine_turn - y * sine_turn
-    across = (cosine * feet[..., 1] - sine * feet[..., 0])[..., None] + x * sine_turn + y * cosine_turn
+    along = (cosine * feet[..., 0] + sine * feet[..., 1])[:, None] + x * cosine_turn - y * sine_turn
+    across = (cosine * feet[..., 1] - sine * feet[..., 0])[:, None] + x * sine_turn + y * cosine_turn
     return along, across
 
 
 def _outline(
-    along: Float[np.ndarray, "2 t 4"], across: Float[np.ndarray, "2 t 4"], places: Float[np.ndarray, "t p"]
-) -> Float[np.ndarray, "2 t p"]:
+    along: Float[np.ndarray, "2 4 t"], across: Float[np.ndarray, "2 4 t"], places: Float[np.ndarray, "p t"]
+) -> Float[np.ndarray, "2 p t"]:
     """Largest `across` [m] of rectangles at each of `places` [m] along the heading; -inf outside."""
     onward = [1, 2, 3, 0]
-    start, from_w = along[..., None], across[..., None]
-    way, rise = along[..., onward, None] - start, across[..., onward, None] - from_w
-    share = (places[:, None, :] - start) / np.where(np.abs(way) > 1e-9, way, 1e-9)
-    return np.where((share >= -1e-9) & (share <= 1.0 + 1e-9), from_w + share * rise, -np.inf).max(axis=2)
+    start, from_w = along[:, :, None], across[:, :, None]
+    way, rise = along[:, onward, None] - start, across[:, onward, None] - from_w
+    share = (places - start) / np.where(np.abs(way) > 1e-9, way, 1e-9)
+    return np.where((share >= -1e-9) & (share <= 1.0 + 1e-9), from_w + share * rise, -np.inf).max(axis=1)
 
 
 def lateral_way(

@@ -58,7 +58,7 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     settings = scaled(settings, robot)
     weights, fps, solver = settings.weights, settings.fps, solver_for(robot)
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
-    planned_w, start = targets.pelvis_pos_w, None
+    planned_w = targets.pelvis_pos_w
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
 
     def with_smooth_path(targets: Targets, reached_w: np.ndarray) -> Targets | None:
@@ -79,17 +79,17 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     if held.any():
         grip = fading_grip(targets.grip > 0.5, held, settings.pelvis, fps)
         targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
-        first = start = again(first, held > 0.0)
+        first = again(first, held > 0.0)
         reached_w = _pelvis_pos_w(first, robot)
     smoother = with_smooth_path(targets, reached_w)
     if smoother is not None:
         targets = smoother
-        first = start = again(first, targets.pelvis_smoothed > 0.0)
+        first = again(first, targets.pelvis_smoothed > 0.0)
     posture = time_series.smooth(first.joint_pos, fps, settings.posture_smooth_hz)
     posture_weight = weights.posture_second_held if held.any() else weights.posture_second
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
     targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, fps)
-    second = solver.solve(human.name, targets, posture, posture_weight, settings, start)
+    second = solver.solve(human.name, targets, posture, posture_weight, settings, first)
     smoother = with_smooth_path(targets, _pelvis_pos_w(second, robot))
     if smoother is not None:
         targets, changed = smoother, smoother.pelvis_smoothed > 0.0

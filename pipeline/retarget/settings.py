@@ -133,7 +133,8 @@ class PelvisSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class WeightSettings:
-    """Weights of the soft tasks; each multiplies a squared error. Those between which is interpolated are above 0."""
+    """Weights of the soft tasks; each multiplies a squared error. Above 0 are those between which is interpolated, and
+    those of pelvis, trunk and posture, which keep the program strictly convex."""
 
     stance_position: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
@@ -157,7 +158,7 @@ class WeightSettings:
     """Of the pelvis in all directions, where it follows a smoothed path [cost/m2]."""
     foot_height_smoothed: Annotated[float, PER_AREA, POSITIVE]
     """Where the pelvis follows a smoothed path [cost/m2]."""
-    trunk: Annotated[float, NOT_NEGATIVE]
+    trunk: Annotated[float, POSITIVE]
     """[cost/rad2]"""
     waist: Annotated[float, NOT_NEGATIVE]
     """[cost/rad2]"""
@@ -167,11 +168,11 @@ class WeightSettings:
     """Where the pelvis is held [cost/rad2]."""
     arms: Annotated[float, NOT_NEGATIVE]
     """Directions of upper arms and forearms [cost/rad2]."""
-    posture_first: Annotated[float, NOT_NEGATIVE]
+    posture_first: Annotated[float, POSITIVE]
     """Toward the default pose, first pass [cost/rad2]."""
-    posture_second: Annotated[float, NOT_NEGATIVE]
+    posture_second: Annotated[float, POSITIVE]
     """Toward the smoothed first pass, second pass [cost/rad2]."""
-    posture_second_held: Annotated[float, NOT_NEGATIVE]
+    posture_second_held: Annotated[float, POSITIVE]
     """In clips where the pelvis is held [cost/rad2]."""
 
 

@@ -28,17 +28,11 @@ LIMIT_MARGIN = 1e-6
 ANKLE_MARGIN = 0.06
 """Distance [rad] kept from the ankle's toes-up limit; with the roll at its limit too, foot and shank would overlap."""
 
-RESETTLE_ITERATIONS = 6
-"""Solves on frame 0 from a solution for nearly the same targets."""
-
-BACK_ON_START = 1e-5
+SAME = 1e-5
 """Largest difference [m, rad] of two solutions of a frame that count as the same."""
 
 ROOT_QUAT = [6, 3, 4, 5]
 """Places of the root's orientation, wxyz, in placo's state."""
-
-DAMPING = 1e-6
-"""Weight of the step's square; it keeps the program strictly convex."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,10 +85,14 @@ class Solver:
             solver.add_axisalign_task(human[limb], axis, axis)
             for (limb, _, _), axis in zip(LIMBS, self.body.limb_axes_b, strict=True)
         ]
-        self._leg_limbs = [
-            (limb, task) for (limb, _, _), task in zip(LIMBS, self._limbs, strict=True) if limb.endswith(LEG)
+        self._weighted = [  # tasks whose weights change, in the order of _weights_of_pelvis and _weights_of_foot
+            ("pelvis_horizontal", [self._pelvis_horizontal]),
+            ("pelvis_height", [self._pelvis_height]),
+            ("foot_height", self._foot_height),
+            ("leg", [task for (limb, _, _), task in zip(LIMBS, self._limbs, strict=True) if limb.endswith(LEG)]),
         ]
-        solver.add_regularization_task(DAMPING)
+        for side, position, orientation in zip(FEET, self._foot_position, self._foot_orientation, strict=True):
+            self._weighted += [(side, [position]), (side, [orientation])]
 
     def solve(
         self,
@@ -108,7 +106,7 @@ class Solver:
     ) -> Trajectory:
         """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
 
-        It settles on frame 0 from `posture`, or in fewer solves from the first frame of a similar trajectory `start`.
+        It settles on frame 0 from `posture`, or from the first frame of a similar trajectory `start`.
         Raises ClipError that names the clip and the frame where the program has no solution.
 
         Args:
@@ -127,12 +125,12 @@ class Solver:
             self._start(targets.pelvis_pos_w[0], targets.trunk_quat_w[0], posture[0])
         else:
             self._start(start.root_pos_w[0], start.root_quat_w[0], start.joint_pos[0])
-        settling = settings.settle_iterations if start is None else min(RESETTLE_ITERATIONS, settings.settle_iterations)
         self._configure(settings.weights, posture_weight)
         self._limit_speed(settings)
         states, todo = np.empty((frames, len(self._wrapper.state.q))), None
         if start is not None and changed is not None:
             states, todo = self._states_of(start), changed.tolist()
+        solve, update_kinematics, state = self._solver.solve, self._wrapper.update_kinematics, self._wrapper.state
         solving = todo is None or todo[0]
         for frame in range(frames):
             if not solving:
@@ -142,17 +140,19 @@ class Solver:
                 self._solver.enable_velocity_limits(True)
             feed.set(frame)
             try:
-                for _ in range(settling if frame == 0 else 1):
-                    self._solver.solve(True)
-                    self._wrapper.update_kinematics()
+                for _ in range(settings.settle_iterations if frame == 0 else 1):
+                    step = solve(True)
+                    update_kinematics()
+                    if frame == 0 and np.abs(step).max() < SAME:
+                        break
             except RuntimeError as error:
                 problem = f"the inverse kinematics has no solution ({error})."
                 raise ClipError(clip, "no_solution", problem, frame) from error
             if frame == 0:
                 self._solver.enable_velocity_limits(True)
-            state = self._wrapper.state.q
-            solving = todo is None or todo[frame] or bool(np.abs(state - states[frame]).max() > BACK_ON_START)
-            states[frame] = state
+            q = state.q
+            solving = todo is None or todo[frame] or bool(np.abs(q - states[frame]).max() > SAME)
+            states[frame] = q
         joint_pos = np.tile(self.robot.default_joint_pos, (frames, 1))
         joint_pos[:, self._joints] = states[:, self._columns]
         return Trajectory(
@@ -223,18 +223,22 @@ class _Feed:
         self._posture = None if (posture == posture[0]).all() else posture
         parts = (targets.pelvis_pos_w, *solver.matrices_of(targets), targets.foot_pos_w, targets.limb_dir_w)
         self._rows = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
-        self._row = np.empty(self._rows.shape[1])
-        pieces = np.split(self._row, np.cumsum([part[0].size for part in parts])[:-1])
-        self._pelvis, *others = (piece.reshape(part.shape[1:]) for piece, part in zip(pieces, parts, strict=True))
-        self._trunk, soles, feet, limbs = others
-        self._soles, self._feet, self._limbs = list(soles), list(feet), list(zip(solver._limbs, limbs, strict=True))
+        self._row, pieces, stop = np.empty(self._rows.shape[1]), [], 0
+        for part in parts:
+            start, stop = stop, stop + part[0].size
+            pieces.append(self._row[start:stop].reshape(part.shape[1:]))
+        self._pelvis, self._trunk, soles, feet, limbs = pieces
+        self._feet = list(
+            zip(solver._foot_position, solver._foot_height, feet, solver._foot_orientation, soles, strict=True)
+        )
+        self._limbs = list(zip(solver._limbs, limbs, strict=True))
         self._waist: list[float] = targets.waist_pos.tolist()
         if self._posture is None:
             solver._posture.set_joints(dict(zip(self._names, posture[0].tolist(), strict=True)))
-        self._held = _rows(*_weights_of_pelvis(targets, weights))
-        self._feet_held = [_rows(*_weights_of_foot(targets, side, weights)) for side in range(2)]
-        self._pelvis_now: tuple[float, ...] = ()
-        self._feet_now: list[tuple[float, ...]] = [(), ()]
+        columns = [*_weights_of_pelvis(targets, weights), *_weights_of_foot(targets, 0, weights)]
+        columns += _weights_of_foot(targets, 1, weights)
+        self._weights = list(zip(*(column.tolist() for column in columns), strict=True))
+        self._weights_now: tuple[float, ...] = (np.nan,) * len(columns)
 
     def set(self, frame: int) -> None:
         solver, self._row[:] = self._solver, self._rows[frame]
@@ -242,32 +246,20 @@ class _Feed:
         solver._trunk.R_world_frame = self._trunk
         solver._waist.set_joint(self._waist_name, self._waist[frame])
         if self._posture is not None:
-            set_joint = solver._posture.set_joint
-            for name, angle in zip(self._names, self._posture[frame].tolist(), strict=True):
-                set_joint(name, angle)
-        for side in (0, 1):
-            solver._foot_position[side].target_world = solver._foot_height[side].target_world = self._feet[side]
-            solver._foot_orientation[side].R_world_frame = self._soles[side]
-            held = self._feet_held[side][frame]
-            if held != self._feet_now[side]:
-                self._feet_now[side] = held
-                solver._foot_position[side].configure(FEET[side], "soft", held[0])
-                solver._foot_orientation[side].configure(FEET[side], "soft", held[1])
+            for _ in map(solver._posture.set_joint, self._names, self._posture[frame].tolist()):
+                pass
+        for horizontal, height, foot, orientation, sole in self._feet:
+            horizontal.target_world = height.target_world = foot
+            orientation.R_world_frame = sole
         for task, direction in self._limbs:
             task.targetAxis_world = direction
-        if self._held[frame] != self._pelvis_now:
-            self._hold_pelvis(self._held[frame])
-
-    def _hold_pelvis(self, weights: tuple[float, ...]) -> None:
-        """Set the weights that depend on how firmly the pelvis is held, see `_weights_of_pelvis`."""
-        self._pelvis_now, solver = weights, self._solver
-        horizontal, height, foot_height, legs = weights
-        solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", horizontal)
-        solver._pelvis_height.configure("pelvis_height", "soft", height)
-        for task in solver._foot_height:
-            task.configure("foot_height", "soft", foot_height)
-        for limb, task in solver._leg_limbs:
-            task.configure(limb, "soft", legs)
+        weights = self._weights[frame]
+        if weights != self._weights_now:
+            for (name, tasks), weight, now in zip(solver._weighted, weights, self._weights_now, strict=True):
+                if weight != now:
+                    for task in tasks:
+                        task.configure(name, "soft", weight)
+            self._weights_now = weights
 
 
 Weight = Float[np.ndarray, " t"]
@@ -297,10 +289,6 @@ def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tu
 def _between(low: float | Weight, high: float, share: Weight) -> Weight:
     """`low` for 0, `high` for 1, geometrically between."""
     return np.where(share == 1.0, high, low * (high / low) ** share) if share.any() else np.full_like(share, low)
-
-
-def _rows(*columns: Weight) -> list[tuple[float, ...]]:
-    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def solver_for(robot: Robot) -> Solver:

@@ -47,7 +47,7 @@ PLANTED = [
     ("repair", "  cutoff_hz: 10.0", "  cutoff_hz: -1", "'smooth.cutoff_hz' is -1, allowed is 0.5 to 1000"),
     ("repair", "longest_gap_s: 0.5", "longest_gap_s: 0.01", "'fill.longest_gap_s' is 0.01, allowed is more than"),
     ("retarget", "speed_share: 0.95", "speed_share: 1.5", "'speed_share' is 1.5, allowed is more than 0 and at most 1"),
-    ("retarget", "  trunk: 0.029", "  trunk: -0.029", "'weights.trunk' is -0.029, allowed is at least 0"),
+    ("retarget", "  trunk: 0.029", "  trunk: 0", "'weights.trunk' is 0, allowed is more than 0"),
     ("augment", "unscaled_skills: [stand]", "unscaled_skills: [stnd]", "'unscaled_skills[0]' is 'stnd', there are"),
     ("augment", "time_scales: [0.9,", "time_scales: [1.0,", "'time_scales[0]' is 1, which is the original"),
 ]

@@ -235,6 +235,14 @@ def test_a_clip_of_one_frame_is_a_pose():
     assert_within_limits(clip)
 
 
+def test_a_person_who_keeps_still_is_a_still_robot_from_frame_0_on():
+    human, _ = walking()
+    still = human.cut(40, 90, "still")
+    pos, quat = (np.repeat(values[:1], 50, axis=0) for values in (still.body_pos_w, still.body_quat_w))
+    clip = retarget(dataclasses.replace(still, body_pos_w=pos, body_quat_w=quat))
+    assert np.abs(clip.joint_pos - clip.joint_pos[-1]).max() < 1e-5
+
+
 def test_a_recording_of_the_robot_goes_on_as_it_is():
     _, clip = walking()
     (piece,) = onto_robot(clip, {}, settings=SETTINGS, robot=ROBOT).pieces
