@@ -13,7 +13,7 @@ import dagster as dg
 
 from assets.actuators import MEASUREMENTS, measurements_version
 from assets.approved import approved_versions
-from assets.freshness import last_tags, stale_reasons
+from assets.freshness import last_tags, last_tags_of, stale_reasons
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import SHARED, Plan, key_of, plans, robot_plans
 from assets.sources import (
@@ -36,26 +36,23 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
     (`assets.bootstrap`) and fails with the reason, what does not (logs, approvals) is not kept from its work.
     """
     found: dict[dg.AssetKey, tuple[str, dict[str, Any]]] = {HARDWARE_LOGS: logs_version(project)}
+    found |= {key_of(MEASUREMENTS, robot): measurements_version(project, robot) for robot in project.robots}
+    found |= approved_versions(project)
+    tags = last_tags_of(instance, [RAW_MOTIONS, *found])
+    noted = {key: own[DATA_VERSION_TAG] for key, own in tags.items() if DATA_VERSION_TAG in own}
     versions: dict[dg.AssetKey, str] = {}
     try:
         found[RAW_MOTIONS] = motions_version(project)
     except PipelineError:
-        noted = _noted(instance, RAW_MOTIONS)
-        versions |= {RAW_MOTIONS: noted} if noted else {}
+        versions |= {key: version for key, version in noted.items() if key == RAW_MOTIONS}
     else:
         note_sources(instance, [source.name for source in project.sources().all])
-    found |= {key_of(MEASUREMENTS, robot): measurements_version(project, robot) for robot in project.robots}
-    for key, (version, facts) in {**found, **approved_versions(project)}.items():
+    for key, (version, facts) in found.items():
         versions[key] = version
-        if _noted(instance, key) != version:  # Dagster compares an external asset's versions with materializations
+        if noted.get(key) != version:  # Dagster compares an external asset's versions with materializations
             event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
             instance.report_runless_asset_event(event)
     return versions
-
-
-def _noted(instance: dg.DagsterInstance, key: dg.AssetKey) -> str | None:
-    """The version of an asset that the history notes."""
-    return (last_tags(instance, key) or {}).get(DATA_VERSION_TAG)
 
 
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"

@@ -7,7 +7,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.bootstrap import stale_now
-from assets.database_checks import BLOCKING, CHECKS, judge_database, last_verdicts, realizability_check
+from assets.database_checks import BLOCKING, CHECKS, judge_contents, last_verdicts, realizability_check
 from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
 from assets.report import asset_of, curator_link, picture, result_of, robot_asset, table_of
 from assets.resources import ClipPoolResource
@@ -40,12 +40,12 @@ def expert_db(
     robot = PROJECT.robot(plan.robot or DEFAULT_ROBOT)
     folder = PROJECT.expert_db(robot.name)
     values = PROJECT.read("database.yaml", DatabaseSettings)
-    manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values, pool=pool)
+    written = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values, pool=pool)
     realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
     metadata = {
         **curator_link("databases"),
         "dagster/uri": dg.MetadataValue.path(str(folder)),
-        **_metadata(manifest, feasible.entry_table()),
+        **_metadata(written.manifest, feasible.entry_table([*SHOWN, *VELOCITIES, SECONDS_COLUMN])),
     }
     if accuracy is not None:
         metadata["realizability"] = accuracy
@@ -55,7 +55,7 @@ def expert_db(
         data_version=dg.DataVersion(digest.of_file(folder / MANIFEST)),  # its files are checked below
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
-    yield from judge_database(plan, frames=False)  # they were checked when they were first written
+    yield from judge_contents(plan, written)
     yield realizable
 
 
@@ -76,6 +76,10 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
         )
 
 
+SHOWN = ("clip", "skill", "seconds", "weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence")
+"""Columns of the clips that the asset's page shows."""
+
+
 def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     from pipeline.viewing.plots import command_seconds
 
@@ -83,7 +87,6 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     seconds = manifest["seconds_by_skill"]
     by_skill = pd.DataFrame({"skill": list(seconds), "seconds": [float(value) for value in seconds.values()]})
     spent = pd.DataFrame(index, columns=[name for name in ("seconds", *VELOCITIES, SECONDS_COLUMN) if name in index])
-    columns = ["clip", "skill", "seconds", "weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]
     return {
         "clips": manifest["clips"],
         "frames": manifest["frames"],
@@ -93,7 +96,7 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
         "dagster/row_count": manifest["clips"],
         **({"coverage": picture(command_seconds(by_command(spent), title))} if len(index) else {}),
         "seconds by skill": table_of(by_skill, ["skill", "seconds"]),
-        "clips of the database": table_of(index.sort_values("clip"), columns),
+        "clips of the database": table_of(index.sort_values("clip"), SHOWN),
     }
 
 

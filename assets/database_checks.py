@@ -20,6 +20,7 @@ from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Manifest, Stage
 from pipeline.errors import FileError
 from pipeline.expert import DatabaseError, check_database
+from pipeline.expert.read import Contents
 from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_against_rollouts
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
 from pipeline.feedback.windows import short_of_wanted
@@ -86,14 +87,19 @@ CHECKS = {
 }
 
 
-def judge_database(plan: Plan, *, frames: bool = True) -> Iterator[dg.AssetCheckResult]:
-    """One verdict per check on the database on disk; without `frames` files are known by their digests."""
+def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
+    """One verdict per check on the database on disk."""
     try:
-        database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT), frames=frames)
+        database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
     except DatabaseError as error:
         for name in (WHOLE, COVERED, COMMANDS):
             yield check_result(plan, name, False, str(error), warn=False)
         return
+    yield from judge_contents(plan, database)
+
+
+def judge_contents(plan: Plan, database: Contents) -> Iterator[dg.AssetCheckResult]:
+    """One verdict per check on a whole database."""
     yield check_result(plan, WHOLE, len(database.index) > 0, f"{len(database.index)} clips", warn=False)
     if database.index.empty:
         for name in (COVERED, COMMANDS):

@@ -1,5 +1,6 @@
 """Assembles the graph: sources, the shared stages, the stages and policies of each robot, resources. Nothing else."""
 
+import gc
 from typing import Any
 
 import dagster as dg
@@ -77,6 +78,10 @@ for _robot in PROJECT.robots:
         *dataset_exports(_robot),
         *policy_assets(_robot),
     ]
+
+# Stages make tables of millions of values, none of them garbage: looking for it would take as long as making them.
+gc.freeze()
+gc.set_threshold(100_000)
 
 defs = serve(
     dg.Definitions(

@@ -4,7 +4,7 @@ An asset is stale when it was never materialized, when its stored result is not 
 materialization, when its code, settings or robot changed, or when an input changed or is stale.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from graphlib import TopologicalSorter
 
 import dagster as dg
@@ -39,10 +39,11 @@ def stale_reasons(
     """
     stale: dict[dg.AssetKey, str] = {}
     versions: dict[dg.AssetKey, str | None] = dict(external)
+    last = last_tags_of(instance, plans)
     for key in topological(parents):
         if key not in plans:
             continue
-        tags, plan = last_tags(instance, key), plans[key]
+        tags, plan = last.get(key), plans[key]
         versions[key] = (tags or {}).get(DATA_VERSION_TAG)
         inputs = (_why_by_input(tags or {}, plan, parent, stale, versions) for parent in sorted(parents[key]))
         reason = (forced or {}).get(key) or _why_by_itself(tags, project, plan) or next(filter(None, inputs), "")
@@ -109,5 +110,11 @@ def _whole(project: Project, plan: Plan) -> bool:
 
 def last_tags(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:
     """Tags of an asset's last materialization; None where it never was."""
-    event = instance.get_latest_materialization_event(key)
-    return None if event is None or event.asset_materialization is None else event.asset_materialization.tags or {}
+    return last_tags_of(instance, [key]).get(key)
+
+
+def last_tags_of(instance: dg.DagsterInstance, keys: Collection[dg.AssetKey]) -> dict[dg.AssetKey, Mapping[str, str]]:
+    """Tags of the last materialization of each asset that was ever materialized, read together."""
+    events = instance.event_log_storage.get_latest_materialization_events(keys)
+    made = {key: event.asset_materialization for key, event in events.items() if event is not None}
+    return {key: materialization.tags or {} for key, materialization in made.items() if materialization is not None}

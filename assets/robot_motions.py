@@ -138,7 +138,7 @@ def feasible_motions(
         own = with_origins(criteria_of_pieces(evaluated, known), thresholds())
         manifest, criteria = with_evaluated(manifest, stage, known), together([criteria, own])
     manifest = without_excluded(manifest, curation.decisions)
-    damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
+    damaged = PROJECT.store.damaged(manifest, clip_pool.pool())  # awaited at the end
     manifest = _weighed(manifest, values, commands)
     feedback = approved_part(PROJECT, "weights", plan.robot)
     manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
@@ -153,10 +153,11 @@ def feasible_motions(
         metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
         cells = coverage(manifest.entry_table([*NEEDED, *WHERE_THERE]), values.balance, commands).cells
         metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
-    metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
+    metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table([]), "KP5: clips that lost most"))
     metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
-    what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
-    check = check_result(plan, STORED, not damaged, what, warn=False)
+    changed_since = [*damaged]
+    what = ", ".join(changed_since) or f"{len(manifest.entries)} clips are stored as evaluated"
+    check = check_result(plan, STORED, not changed_since, what, warn=False)
     result = materialized(plan, manifest, metadata)
     return result._replace(check_results=[*result.check_results, check])
 

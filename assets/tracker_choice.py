@@ -57,7 +57,7 @@ def unknown_references(project: Project, robot: str, references: Manifest) -> li
     """The references that the served tracker was not trained on; all of them where there is no tracker."""
     served = served_tracker(project, robot)
     known = set() if served is None else set(read_card(served[0]).clips)
-    return sorted(entry.clip for entry in references.entries if entry.clip not in known)
+    return sorted(clip for (clip,) in references.kept("clip") if clip not in known)
 
 
 def trackers_for(

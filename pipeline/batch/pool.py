@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import cloudpickle
 import joblib
 
 from pipeline.errors import PipelineError, UnknownNameError
+
+T = TypeVar("T")
 
 WATCH_EVERY_S = 1.0
 """How often a worker process looks whether its parent is there."""
@@ -63,8 +67,8 @@ class ClipPool:
     ) -> Iterator[Any]:
         """Results of `function(*call)` for each call, in order, as they come.
 
-        A single call, or a pool of one worker, runs in this process. Processes on this machine end with this one,
-        however it ends. Of a cluster, the calls of a worker that dies go to other workers.
+        A single call, or a pool of one worker, runs in this process. Processes on this machine begin at once and end
+        with this one, however it ends. Of a cluster, the calls of a worker that dies go to other workers.
 
         Args:
             shared: folders that calls read and write, which a cluster's workers must see under the same path
@@ -73,15 +77,13 @@ class ClipPool:
         """
         workers = min(self.workers or joblib.cpu_count(), len(calls))
         if self.backend == DASK and calls:
-            yield from self._cluster().map(function, calls, shared, on_lost)
-            return
+            return self._cluster().map(function, calls, shared, on_lost)
         if workers <= 1 or self.backend == SEQUENTIAL:
-            yield from (function(*call) for call in calls)
-            return
+            return (function(*call) for call in calls)
         with joblib.parallel_config(backend=LOKY, n_jobs=workers):
             parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs")
-            work = partial(_ending_with, os.getpid(), function)
-            yield from parallel(joblib.delayed(work)(*call) for call in calls)
+            work = partial(_ending_with, os.getpid(), cloudpickle.dumps(function))
+            return iter(parallel(joblib.delayed(work)(*call) for call in calls))
 
     def _cluster(self) -> Any:
         from pipeline.batch.cluster import connected
@@ -89,12 +91,28 @@ class ClipPool:
         return connected(self.address, 0 if self.address else self.workers or joblib.cpu_count())
 
 
-def _ending_with(parent: int, function: Callable[..., Any], *call: Any) -> Any:
-    """`function(*call)` in a worker process that ends when its parent does."""
+def one_ahead(batches: Iterable[T]) -> Iterator[T]:
+    """Batches of a pool's work, each begun before the one before it is awaited, so that no process waits for work."""
+    begun: list[T] = []
+    for batch in batches:
+        if begun:
+            yield begun.pop()
+        begun.append(batch)
+    yield from begun
+
+
+def _ending_with(parent: int, function: bytes, *call: Any) -> Any:
+    """What a pickled function makes of `call`, in a worker process that ends when its parent does."""
     if not _WATCHED and os.getppid() == parent:
         _WATCHED.append(parent)
         threading.Thread(target=_watch, args=(parent,), daemon=True).start()
-    return function(*call)
+    return _unpickled(function)(*call)
+
+
+@functools.lru_cache(maxsize=1)
+def _unpickled(function: bytes) -> Callable[..., Any]:
+    """The function, and with it what it holds (a robot), the same for one call after the other."""
+    return cloudpickle.loads(function)
 
 
 _WATCHED: list[int] = []

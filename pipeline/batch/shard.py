@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, overload
 
@@ -184,6 +184,13 @@ class Rows(Generic[Row]):
 
     def __repr__(self) -> str:
         return f"Rows({len(self)} in {len(self.shards)} shards)"
+
+
+def rows_of(shards: Iterable[Shard[Row]], clips: Collection[str]) -> Iterator[Row]:
+    """The rows of the named clips; other shards than theirs are not decoded."""
+    for shard in shards if clips else ():
+        if not set(shard.columns(["clip"])["clip"]).isdisjoint(clips):
+            yield from (row for row in shard.rows() if row.clip in clips)
 
 
 def changed(kind: type[Row], rows: Rows[Row] | Sequence[Row], change: Callable[[Row], Row | None]) -> Rows[Row]:

@@ -10,6 +10,8 @@ import itertools
 import json
 import os
 import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +26,7 @@ from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
-from pipeline.files.blob_store import BlobStore, DigestMemory
+from pipeline.files.blob_store import BlobStore, DigestMemory, state_of
 from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 LOCK = "lock"
@@ -98,9 +100,12 @@ class Store:
     def holds(self, blob: str, kind: str = "blobs") -> bool:
         """Whether a blob (or a file of `shards`) is there under its content; an untouched one is read once."""
         try:
-            return self._digests.of(f"{self.root}/{kind}/{blob[:2]}/{blob}") == blob
+            return self._digests.of(self._file(blob, kind)) == blob
         except OSError:
             return kind == "blobs" and self.own_blobs.copied(blob)
+
+    def _file(self, blob: str, kind: str = "blobs") -> str:
+        return f"{self.root}/{kind}/{blob[:2]}/{blob}"
 
     def clips_of(self, shard: Shard[Entry]) -> list[str] | None:
         """The clips of a shard; None where its file or a blob that it names is missing or was changed."""
@@ -110,9 +115,9 @@ class Store:
         return columns["clip"] if all(map(self.holds, columns["blob"])) else None
 
     def put_shard(self, shard: Shard[Row]) -> Shard[Row]:
-        """Store the rows of a shard on the disk, before a manifest names it; the shard without its bytes."""
+        """Store the rows of a shard; the shard without its bytes."""
         if isinstance(shard.place, bytes):
-            self.shards.put(shard.place, synced=True)
+            self.shards.put(shard.place)
         return dataclasses.replace(shard, place=self.shards)
 
     def holds_blobs_of(self, asset: str) -> bool:
@@ -121,7 +126,8 @@ class Store:
         if not isinstance(manifest.entries, Rows):  # of an earlier version
             return all(self.holds(entry.blob) for entry in manifest.entries)
         judged = all(self.holds(shard.digest, "shards") for shard in manifest.judged_shards)
-        return judged and all(self.clips_of(shard) is not None for shard in manifest.entry_shards)
+        with ThreadPoolExecutor(digest.THREADS) as pool:
+            return judged and all(clips is not None for clips in pool.map(self.clips_of, manifest.entry_shards))
 
     def note_blobs(self) -> None:
         """Keep for later runs which blobs were found unchanged. Raises FileError when the disk refuses."""
@@ -168,8 +174,11 @@ class Store:
     def _askings_path(self) -> Path:
         return self.root / "askings.json"
 
-    def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
-        """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again."""
+    def damaged(self, manifest: Manifest, pool: ClipPool) -> Iterator[str]:
+        """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again.
+
+        The pool begins at once. It is awaited when the first clip is asked for.
+        """
         version = code_version()
         unchecked: list[tuple[str, list[str], list[str]]] = []  # key of the answer, clips, blobs
         for shard in manifest.entry_shards:
@@ -180,19 +189,27 @@ class Store:
         to_read = list(dict.fromkeys(blob for _, _, blobs in unchecked for blob in blobs))
         calls = [(to_read[first : first + A_CALL],) for first in range(0, len(to_read), A_CALL)]
         answers = pool.map(self._all_round_trip, calls, shared=self.shared_folders)
-        round_trips = dict(zip(to_read, itertools.chain.from_iterable(answers), strict=True))
-        for key, _, blobs in unchecked:
-            if all(round_trips[blob] for blob in blobs):
-                self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
-        return [
-            clip
-            for _, clips, blobs in unchecked
-            for clip, blob in zip(clips, blobs, strict=True)
-            if not round_trips[blob]
-        ]
+        return self._damaged(unchecked, zip(to_read, itertools.chain.from_iterable(answers), strict=True))
 
-    def _all_round_trip(self, blobs: list[str]) -> list[bool]:
-        return [self.round_trips(blob) for blob in blobs]
+    def _damaged(
+        self, unchecked: list[tuple[str, list[str], list[str]]], answers: Iterable[tuple[str, list[int] | None]]
+    ) -> Iterator[str]:
+        states = dict(answers)
+        for blob, state in states.items():
+            if state:  # it was read whole: `holds` need not read it again
+                self._digests.note(self._file(blob), state, blob)
+        for key, _, blobs in unchecked:
+            if all(states[blob] is not None for blob in blobs):
+                self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
+        for _, clips, blobs in unchecked:
+            yield from (clip for clip, blob in zip(clips, blobs, strict=True) if states[blob] is None)
+
+    def _all_round_trip(self, blobs: list[str]) -> list[list[int] | None]:
+        """What each blob's file is known by, nothing of one at a URL; None where it does not round-trip."""
+        states = [
+            [] if self.blobs_url or not self.own_blobs.has(blob) else state_of(self._file(blob)) for blob in blobs
+        ]
+        return [state if self.round_trips(blob) else None for blob, state in zip(blobs, states, strict=True)]
 
     def recall(self, key: str, stage: str) -> dict[str, Any] | None:
         """The remembered answer to a question of a stage, if all the blobs it names are there and unchanged.
@@ -222,22 +239,8 @@ class Store:
         It is not forced to the disk, as that takes longer than many an answer: one that a power cut tears is no
         JSON or not there, and its question is asked again.
         """
-        path = Path(self._memo_path(key))
-        aside = path.with_name(f".{key}.{os.getpid()}.part")
         text = json.dumps({**answer, STAGE: stage}, sort_keys=True, allow_nan=False)
-        try:
-            try:
-                aside.write_text(text)
-            except FileNotFoundError:  # the first answer of its folder
-                path.parent.mkdir(parents=True, exist_ok=True)
-                aside.write_text(text)
-            asked_ns = self._asking(stage)
-            os.utime(aside, ns=(asked_ns, asked_ns))
-            aside.replace(path)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                aside.unlink(missing_ok=True)
-            raise FileError(path, f"could not be written ({error}).", "Is the disk full?") from error
+        atomic.write_unsynced(self._memo_path(key), text.encode(), self._asking(stage))
 
     def _memo_path(self, key: str) -> str:
         return f"{self.root}/memo/{key[:2]}/{key}.json"
@@ -254,6 +257,12 @@ class Store:
         shards: tuple[Shard[Any], ...] = (*manifest.entry_shards, *manifest.judged_shards)
         for shard in shards:
             self.put_shard(shard)
+        files = [self.shards.path(shard.digest) for shard in shards]
+        folders = {self.shards.root, *(file.parent for file in files)} if files else ()
+        try:
+            atomic.sync([*files, *folders])
+        except OSError as error:
+            raise FileError(self.shards.root, f"could not be written ({error}).", "Is the disk full?") from error
         atomic.write_text(self.manifest_path(asset), manifest.to_text())
 
     def load(self, asset: str) -> Manifest:

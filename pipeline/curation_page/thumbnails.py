@@ -90,7 +90,7 @@ def _make_all(store: Store, robot_folder: Path, todo: Sequence[tuple[MotionSourc
             data = b""
         except FileError:
             continue
-        atomic.write_bytes(path, data, synced=False)
+        atomic.write_unsynced(path, data)
     return len(todo)
 
 

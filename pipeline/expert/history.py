@@ -15,7 +15,7 @@ from typing import Any
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.expert import manifest, swap
 from pipeline.expert.read import check_database
-from pipeline.files import digest
+from pipeline.files import atomic, digest
 from pipeline.files.csv_json import read_json
 
 REFUSED = "-refused"
@@ -111,7 +111,7 @@ def keep(folder: Path, version: Path, *, refused: bool = False) -> Path:
     for other in history.glob(f"*-{target.name.split('-')[1]}*"):
         if other != target:
             shutil.rmtree(other)
-    swap.sync_folder(history)
+    atomic.sync([target])
     return target
 
 

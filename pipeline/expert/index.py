@@ -29,8 +29,9 @@ def database_version(folder: Path) -> str:
         raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
     if broken is not None:
         raise FileError(path, f"it {broken}.", "Materialize expert_db again.")
-    found = {each.name: digest.of_file(each) for each in folder.iterdir() if each.name != manifest.FILE}
-    if found != stated:
+    files = [each for each in folder.iterdir() if each.name != manifest.FILE]
+    found = digest.of_each(files)
+    if dict(zip((each.name for each in files), found, strict=True)) != stated:
         raise FileError(folder, "its files are not those its manifest states.", "Materialize expert_db again.")
     return digest.of_file(path)
 

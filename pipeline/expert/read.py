@@ -1,5 +1,6 @@
 """Reading a database, and every fault of one that is not whole."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -122,15 +123,20 @@ def _read_manifest(folder: Path, faults: list[str]) -> dict[str, Any] | None:
 
 
 def _check_files(folder: Path, head: dict[str, Any], faults: list[str]) -> None:
-    there = {path.name for path in folder.iterdir()} - {manifest.FILE}
+    with os.scandir(folder) as entries:
+        plain = {entry.name: entry.is_file(follow_symlinks=False) for entry in entries if entry.name != manifest.FILE}
     stated = head["files"]
-    faults += [f"{name}: is missing" for name in sorted(set(stated) - there)]
-    faults += [f"{name}: is not in the manifest" for name in sorted(there - set(stated))]
-    for name in sorted(there & set(stated)):
-        if (folder / name).is_symlink() or not (folder / name).is_file():
-            faults.append(f"{name}: is a link or a folder, not a file")
-        elif digest.of_file(folder / name) != stated[name]:
-            faults.append(f"{name}: its content is not the one the manifest states")
+    faults += [f"{name}: is missing" for name in sorted(set(stated) - set(plain))]
+    faults += [f"{name}: is not in the manifest" for name in sorted(set(plain) - set(stated))]
+    both = sorted(set(plain) & set(stated))
+    faults += [f"{name}: is a link or a folder, not a file" for name in both if not plain[name]]
+    files = [name for name in both if plain[name]]
+    found = digest.of_each([folder / name for name in files])
+    faults += [
+        f"{name}: its content is not the one the manifest states"
+        for name, own in zip(files, found, strict=True)
+        if own != stated[name]
+    ]
 
 
 def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:

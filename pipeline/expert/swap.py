@@ -12,13 +12,13 @@ import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from pipeline.errors import FileError
+from pipeline.files import atomic
 from pipeline.files.ranges import SHARE, Range
 from pipeline.files.sourced import Unit
 
@@ -33,7 +33,6 @@ class DatabaseSettings:
     """Earlier versions that are kept."""
 
 
-SYNCED_AT_A_TIME = 16
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 _NOT_ABLE = (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP)
@@ -65,7 +64,7 @@ def replace_folder(
             _recover(folder, part, old)
             part.mkdir()
             fill(part)
-            _sync(part)
+            atomic.sync([f"{where}/{name}" for where, _, names in os.walk(part) for name in names])
             if check is not None:
                 check(part)
         except OSError as error:
@@ -116,7 +115,7 @@ def _swap(folder: Path, part: Path, old: Path, keep: Callable[[Path], object]) -
         folder.rename(old)
         part.rename(folder)
         keep(old)
-    sync_folder(folder.parent)
+    atomic.sync([folder])
 
 
 def _exchange(first: Path, second: Path) -> bool:
@@ -151,27 +150,6 @@ def _remove(folder: Path) -> None:
         folder.unlink()
     elif folder.exists():
         shutil.rmtree(folder)
-
-
-def _sync(folder: Path) -> None:
-    """Bring a folder's files to the disk; many at a time, which the disk writes together."""
-    with ThreadPoolExecutor(SYNCED_AT_A_TIME) as pool:
-        list(pool.map(_sync_file, (each for each in folder.rglob("*") if each.is_file())))
-    sync_folder(folder)
-
-
-def _sync_file(path: Path) -> None:
-    with path.open("rb") as stream:
-        os.fsync(stream.fileno())
-
-
-def sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ import json
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,12 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.batch import ClipPool, Store
+from pipeline.batch.pool import one_ahead
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, frames_of_clips, numbers_text, rounded
-from pipeline.expert.read import DatabaseError, check_database, faults_of_frames, read_clip
+from pipeline.expert.read import Contents, DatabaseError, check_database, faults_of_frames, read_clip
 from pipeline.expert.swap import DatabaseSettings, current, replace_folder
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
@@ -36,8 +38,8 @@ HERE = ClipPool(backend="sequential")
 
 A_CALL = 16
 """Clips that a process writes before it reports."""
-AT_A_TIME = 2048
-"""Clips whose entries are at hand at a time where several processes write."""
+AT_A_TIME = 1024
+"""Clips that several processes get together, the next ones before they have finished."""
 
 MAX_JOINT_STEP = 0.05
 """Largest change of a joint over the seam [rad] beyond what one frame of motion makes (judgement: 2.5 rad/s)."""
@@ -133,8 +135,8 @@ def write_database(
     stages: Mapping[str, Any],
     settings: DatabaseSettings | None = None,
     pool: ClipPool = HERE,
-) -> dict:
-    """Replace the database in `folder` by one of `entries`; its manifest.
+) -> Contents:
+    """Replace the database in `folder` by one of `entries`; its manifest and index, read back.
 
     Before it replaces the old one, the new one is checked: the frames that are encoded here, the clip files that
     `_write_files` reads back, and every file's digest. The order of the entries doesn't matter; a few are written at a
@@ -148,7 +150,7 @@ def write_database(
             they allow; without them the old one is removed, whatever it held
         pool: processes that write clips; for more than one, entries should name stored clips
     """
-    made: dict = {}
+    made: list[Contents] = []
     known = Known(folder=current(folder), written=read_written(folder, robot), made={})
 
     def fill(part: Path) -> None:
@@ -161,10 +163,9 @@ def write_database(
         (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
         text = manifest.sealed(part, head, {row["file"]: row["sha256"] for row in rows})
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
-        made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part, frames=False)  # by digests; frames were checked when they were first written
+        made.append(check_database(part, frames=False))  # frames were checked when they were first written
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -181,7 +182,7 @@ def write_database(
     if known.made:
         with contextlib.suppress(FileError):  # without it the next run encodes all frames again
             note_written(folder, robot, known.made)
-    return made
+    return made[-1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,16 +236,22 @@ def _write_clips(
     texts: dict[str, str] = {}
     stages, stages_text = None, ""
     faults: list[str] = []
-    for few in _in_batches(entries, pool):
+    work = partial(_write_files, part=part, robot=robot, in_place=known.folder)
+
+    def begun(few: list[ExpertEntry]) -> tuple[list[ExpertEntry], Iterator[Written]]:
+        """Some entries, and what processes write of them."""
         for entry in few:
             _check(entry, names)
             names.add(entry.clip.name)
         asked = [(dataclasses.replace(entry, numbers={}, stages={}), known.written.get(_blob(entry))) for entry in few]
-        calls = [(part, asked[first : first + A_CALL], robot, known.folder) for first in range(0, len(asked), A_CALL)]
+        calls = [(asked[first : first + A_CALL],) for first in range(0, len(asked), A_CALL)]
         stores = [entry.clip.store for entry in few if isinstance(entry.clip, StoredClip)]
         shared = dict.fromkeys((part.parent, *(folder for store in stores for folder in store.shared_folders)))
         own = stores[0].pool_of_files(pool) if stores else pool
-        written = (each for found in own.map(_write_files, calls, shared=tuple(shared)) for each in found)
+        return few, itertools.chain.from_iterable(own.map(work, calls, shared=tuple(shared)))
+
+    batches = map(begun, _in_batches(entries, pool))
+    for few, written in batches if pool.backend == HERE.backend else one_ahead(batches):
         for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
             faults += own_faults
             if isinstance(entry.clip, StoredClip):
@@ -288,7 +295,7 @@ Written = tuple[WrittenFrames, str, list[str]]
 
 
 def _write_files(
-    part: Path, entries: list[tuple[ExpertEntry, WrittenFrames | None]], robot: Robot, in_place: Path
+    entries: list[tuple[ExpertEntry, WrittenFrames | None]], *, part: Path, robot: Robot, in_place: Path
 ) -> list[Written]:
     """Entries written: those whose frames the database in place has are copied, others checked and encoded.
 

@@ -51,8 +51,14 @@ names the threshold in data/feasibility.yaml, `source` and `why` are what stands
 
 TEXTS = tuple(name for name, kind in COLUMNS.items() if kind == pa.string())
 
-ROWS_AT_A_TIME = 10_000
-"""Rows that are turned into plain columns and written at a time; in memory a text that many rows have is there once."""
+OF_STRETCH = ("clip", "start_s", "stop_s", "piece")
+OF_ROW = ("facts", "number", "threshold", "sense", "verdict", "message")
+"""What is read of a stretch and of a row; the other columns follow."""
+
+AT_LEAST, AT_MOST = "at least", "at most"
+
+STRETCHES_AT_A_TIME, ROWS_AT_A_TIME = 512, 10_000
+"""Stretches whose rows are read and rows that are written at a time; in memory a text of many rows is there once."""
 
 _MANIFEST = b"manifest"
 
@@ -86,9 +92,9 @@ def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, 
         origins: unit and source of each threshold of data/feasibility.yaml, by its name
     """
     facts = {code: _facts(code, origins) for code in REGISTERED}
-    rows = (row for shard in manifest.judged_shards for row in _rows_of_shard(shard, facts))
+    stretches = (stretch for shard in manifest.judged_shards for stretch in _stretches_of_shard(shard, facts))
     judged = Rows([shard.without_number(NUMBER) for shard in manifest.judged_shards])
-    return dataclasses.replace(manifest, judged=judged), _table(rows)
+    return dataclasses.replace(manifest, judged=judged), _table(stretches)
 
 
 def with_origins(table: pd.DataFrame, origins: Mapping[str, Origin]) -> pd.DataFrame:
@@ -102,12 +108,16 @@ def with_origins(table: pd.DataFrame, origins: Mapping[str, Origin]) -> pd.DataF
 def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:
     """Write the table of a manifest, whole or not at all; equal tables give equal bytes."""
     schema = pa.schema(list(COLUMNS.items()), metadata={_MANIFEST: manifest.digest.encode()})
+    texts = {name: pa.array(table[name].cat.categories, type=pa.string()) for name in TEXTS}
+    columns = {name: (table[name].cat.codes if name in texts else table[name]).to_numpy() for name in COLUMNS}
     sink = pa.BufferOutputStream()
     with pq.ParquetWriter(sink, schema, compression="zstd") as writer:
         for start in range(0, len(table), ROWS_AT_A_TIME):
-            part = table.iloc[start : start + ROWS_AT_A_TIME]
-            # In one thread: each that makes columns keeps the memory it made them in.
-            writer.write_table(pa.Table.from_pandas(part, schema=schema, preserve_index=False, nthreads=1))
+            part = {
+                name: pa.array(own[start : start + ROWS_AT_A_TIME], from_pandas=True) for name, own in columns.items()
+            }
+            arrays = [texts[name].take(own) if name in texts else own for name, own in part.items()]
+            writer.write_table(pa.table(arrays, schema=schema))
     atomic.write_bytes(path, sink.getvalue().to_pybytes())
 
 
@@ -174,26 +184,37 @@ def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
     return asked.sort_values(by=["margin", "clip", "start_s", "criterion"], na_position="first")
 
 
-def _table(rows: Iterable[tuple]) -> pd.DataFrame:
-    """A data frame of rows whose values are in the order of `COLUMNS`.
+def _table(stretches: Iterable[tuple[tuple, list[tuple]]]) -> pd.DataFrame:
+    """A data frame of stretches (values of `OF_STRETCH`), each with its rows (values of `OF_ROW`).
 
     To save memory, rows are read in batches and not kept: a text is stored as the index of its first occurrence and
     becomes a category.
     """
-    places: dict[str, dict[str, int]] = {name: {} for name in TEXTS}
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in COLUMNS}
-    rest = iter(rows)
-    while few := list(itertools.islice(rest, ROWS_AT_A_TIME)):
-        for name, values in zip(COLUMNS, zip(*few, strict=True), strict=True):
-            known = places.get(name)
-            if known is None:
-                parts[name].append(np.array(values, dtype=float))
-            else:
-                parts[name].append(np.array([known.setdefault(text, len(known)) for text in values], dtype=np.int32))
-    columns = {name: np.concatenate(parts.pop(name) or [np.zeros(0)]) for name in COLUMNS}
-    return pd.DataFrame(
-        {name: _texts(list(places[name]), own) if name in places else own for name, own in columns.items()}
-    )
+    places: dict[str, dict[Any, int]] = {name: {} for name in ("facts", *TEXTS)}
+    parts: dict[str, list[np.ndarray]] = {name: [np.zeros(0)] for name in (*OF_STRETCH, *OF_ROW)}
+    rest = iter(stretches)
+    while few := list(itertools.islice(rest, STRETCHES_AT_A_TIME)):
+        counts = [len(rows) for _, rows in few]
+        for name, values in zip(OF_STRETCH, zip(*(stretch for stretch, _ in few), strict=True), strict=True):
+            parts[name].append(np.repeat(_coded(values, places.get(name)), counts))
+        rows = [row for _, rows in few for row in rows]
+        for name, values in zip(OF_ROW, zip(*rows, strict=True), strict=True):
+            parts[name].append(_coded(values, places.get(name)))
+    columns = {name: np.concatenate(parts.pop(name)) for name in (*OF_STRETCH, *OF_ROW)}
+    facts = columns.pop("facts")
+    found = {name: _texts(list(places[name]), own) if name in places else own for name, own in columns.items()}
+    found |= {name: _texts([getattr(each, name) for each in places["facts"]], facts) for name in OF_CRITERION}
+    sign = np.where(columns["sense"] == places["sense"].get(AT_LEAST, -1), 1.0, -1.0)
+    limit = np.where(columns["threshold"] == 0.0, np.nan, columns["threshold"])
+    found["margin"] = sign * (columns["number"] - limit) / np.abs(limit)
+    return pd.DataFrame({name: found[name] for name in COLUMNS})
+
+
+def _coded(values: Sequence[Any], known: dict[Any, int] | None) -> np.ndarray:
+    """Numbers as they are, None as one that is not; with `known` the place of each value in it."""
+    if known is None:
+        return np.array(values, dtype=float)
+    return np.array([known.setdefault(value, len(known)) for value in values], dtype=np.int32)
 
 
 def _texts(texts: Sequence[str], rows: np.ndarray) -> pd.Categorical:
@@ -204,23 +225,28 @@ def _texts(texts: Sequence[str], rows: np.ndarray) -> pd.Categorical:
     return pd.Categorical.from_codes(order[rows.astype(np.int32)], categories=pd.Index(names, dtype="str"))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Facts:
     """Facts of a criterion that are the same in all its rows."""
 
+    criterion: str
     group: str
-    unit: str
-    setting: str
-    source: str
-    why: str
-    stated: float | None
+    unit: str = ""
+    setting: str = ""
+    source: str = ""
+    why: str = ""
+    stated: float | None = None
     """The threshold, where it is the same for all clips."""
+
+
+OF_CRITERION = ("criterion", "group", *ORIGIN)
 
 
 def _facts(code: str, origins: Mapping[str, Origin]) -> _Facts:
     setting = REGISTERED[code].limit
     origin = origins[setting]
     return _Facts(
+        criterion=code,
         group=REGISTERED[code].group,
         unit=origin.unit,
         setting=setting,
@@ -230,41 +256,30 @@ def _facts(code: str, origins: Mapping[str, Origin]) -> _Facts:
     )
 
 
-def _rows_of_shard(shard: Shard[Judged], facts: Mapping[str, _Facts]) -> Iterator[tuple]:
+def _stretches_of_shard(shard: Shard[Judged], facts: Mapping[str, _Facts]) -> Iterator[tuple[tuple, list[tuple]]]:
     columns = shard.columns(["clip", "reasons", NUMBER, "seconds_in"])
     missing = [MISSING] * shard.count
     texts, seconds = (columns.get(name, missing) for name in (NUMBER, "seconds_in"))
     for clip, reasons, text, seconds_in in zip(columns["clip"], columns["reasons"], texts, seconds, strict=True):
         if text is MISSING:  # it could not be judged at all: the reasons are all there is
-            yield from (_row_of_reason(clip, reason, seconds_in) for reason in reasons)
+            stop_s = 0.0 if seconds_in is MISSING else float(seconds_in or 0.0)
+            if reasons:
+                yield (clip, 0.0, stop_s, ""), list(map(_row_of_reason, reasons))
             continue
         for judgement in from_text(str(text)):
             place = (clip, judgement.start_s, judgement.stop_s, judgement.piece)
-            for code, found in judgement.found.items():
-                yield place + _cells(code, found, facts[code])
+            yield place, [_row(found, facts[code]) for code, found in judgement.found.items()]
 
 
-def _cells(code: str, found: Found, facts: _Facts) -> tuple:
-    """The cells of a row from `group` on."""
-    verdict = NOT_APPLICABLE if found.not_applicable else BROKEN if found.broken else HOLDS
-    threshold, sense = facts.stated if found.not_applicable else found.limit, "at least" if found.lower else "at most"
-    numbers = (found.value, threshold, sense, facts.unit, verdict, _margin(found))
-    return facts.group, code, *numbers, found.broken or found.not_applicable, facts.setting, facts.source, facts.why
+def _row(found: Found, facts: _Facts) -> tuple:
+    sense = AT_LEAST if found.lower else AT_MOST
+    if found.not_applicable:
+        return facts, found.value, facts.stated, sense, NOT_APPLICABLE, found.not_applicable
+    return facts, found.value, found.limit, sense, BROKEN if found.broken else HOLDS, found.broken
 
 
-def _row_of_reason(clip: str, reason: Mapping[str, Any], seconds_in: Any) -> tuple:
-    seconds = 0.0 if seconds_in is MISSING else float(seconds_in or 0.0)
-    cells = dict.fromkeys(COLUMNS) | {"clip": clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
-    facts = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "message": reason["text"]}
-    return tuple((cells | facts | dict.fromkeys(("sense", "unit", "setting", "source", "why"), "")).values())
-
-
-def _margin(found: Found) -> float | None:
-    """What is left to the limit over the limit; negative past it. None where that is no number."""
-    if found.value is None or not found.limit:
-        return None
-    left = found.value - found.limit if found.lower else found.limit - found.value
-    return left / abs(found.limit)
+def _row_of_reason(reason: Mapping[str, Any]) -> tuple:
+    return _Facts(criterion=reason["code"], group="can be judged"), None, None, "", BROKEN, reason["text"]
 
 
 def _closest(own: pd.DataFrame) -> dict[str, Any]:

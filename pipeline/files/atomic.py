@@ -1,13 +1,17 @@
 """Writes that are whole or not there: aside, synced, then renamed, and the rename synced.
 
-The memo of the batch layer and its blobs do without: what is lost or torn by a power cut is made again.
+What can be made again is written without (`write_unsynced`): the memo of the batch layer, its blobs, and shards until a
+manifest names them (`sync`).
 """
 
 import contextlib
 import errno
 import os
+import stat
 import tempfile
-from collections.abc import Iterable
+import threading
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from pipeline.errors import FileError
@@ -16,32 +20,34 @@ READABLE = 0o644
 """Permissions of a file that is written: everybody may read it."""
 
 
-def write_bytes(path: Path, data: bytes, mode: int = READABLE, *, synced: bool = True) -> None:
+SYNCED_AT_A_TIME = 16
+
+
+def write_bytes(path: Path, data: bytes, mode: int = READABLE) -> None:
     """`write_parts` of one part."""
-    write_parts(path, [data], mode, synced=synced)
+    write_parts(path, [data], mode)
 
 
-def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE, *, synced: bool = True) -> None:
+def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE) -> None:
     """Write `parts`, one after the other, to `path` so that a reader sees the old file or the new one, never a part.
 
     The new name is on the disk when this returns, so that what is written later can't survive a power cut that this
-    does not; without `synced` a power cut may tear or lose it. Raises FileError (with the free space) when the disk
-    refuses, and what `parts` raises; the old file stays then, unless it was the folder that could not be synced.
+    does not. Raises FileError (with the free space) when the disk refuses, and what `parts` raises; the old file stays
+    then, unless it was the folder that could not be synced.
     """
     aside: str | None = None
     try:
-        made = _missing_folders(path.parent) if synced else []
+        made = _missing_folders(path.parent)
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         with os.fdopen(handle, "wb") as stream:
             stream.writelines(parts)
-            if synced:
-                stream.flush()
-                os.fsync(stream.fileno())
+            stream.flush()
+            os.fsync(stream.fileno())
         Path(aside).chmod(mode)
         Path(aside).replace(path)
-        for folder in (path.parent, *(each.parent for each in made)) if synced else ():
-            _sync_folder(folder)
+        for folder in (path.parent, *(each.parent for each in made)):
+            _sync_path(folder)
     except BaseException as error:
         if aside is not None:
             with contextlib.suppress(OSError):
@@ -49,6 +55,54 @@ def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE, *, syn
         if not isinstance(error, OSError):
             raise
         raise FileError(path, f"could not be written ({error}); {_room(path.parent)}") from error
+
+
+def write_unsynced(path: Path | str, data: bytes, time_ns: int | None = None) -> None:
+    """Write `data` so that a reader sees the old file or the new one; a power cut may tear or lose it.
+
+    Raises FileError as `write_parts` does. Paths are texts here, since it is called for each clip of each stage.
+
+    Args:
+        path: the file
+        data: its content
+        time_ns: its time since the epoch [ns]; without it that of writing
+    """
+    folder, name = os.path.split(path)
+    aside = f"{folder}/.{name}.{os.getpid()}.{threading.get_ident()}.part"
+    try:
+        try:
+            stream = open(aside, "wb")  # noqa: PTH123, SIM115
+        except FileNotFoundError:  # the first file of its folder
+            os.makedirs(folder, exist_ok=True)  # noqa: PTH103
+            stream = open(aside, "wb")  # noqa: PTH123, SIM115
+        with stream:
+            stream.write(data)
+            os.fchmod(stream.fileno(), READABLE)
+        if time_ns is not None:
+            os.utime(aside, ns=(time_ns, time_ns))
+        os.replace(aside, path)  # noqa: PTH105
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            Path(aside).unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
+        raise FileError(Path(path), f"could not be written ({error}); {_room(Path(folder))}") from error
+
+
+def sync(paths: Sequence[Path | str]) -> None:
+    """Bring files and the names in their folders to the disk; many at a time, which the disk writes together.
+
+    Raises OSError.
+    """
+    folders = dict.fromkeys(os.path.dirname(path) for path in paths)  # noqa: PTH120
+    with ThreadPoolExecutor(SYNCED_AT_A_TIME) as pool:
+        for some in ([*paths], [*folders]):
+            list(pool.map(_sync_all, (some[first::SYNCED_AT_A_TIME] for first in range(SYNCED_AT_A_TIME))))
+
+
+def _sync_all(paths: Iterable[Path | str]) -> None:
+    for path in paths:
+        _sync_path(path)
 
 
 def _room(folder: Path) -> str:
@@ -70,13 +124,13 @@ def _missing_folders(folder: Path) -> list[Path]:
     return missing
 
 
-def _sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk, where the file system can."""
-    handle = os.open(folder, os.O_RDONLY)
+def _sync_path(path: Path | str) -> None:
+    """Bring a file to the disk; of a folder the names in it, where the file system can."""
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP) or not stat.S_ISDIR(os.fstat(handle).st_mode):
             raise
     finally:
         os.close(handle)

@@ -47,11 +47,21 @@ class DigestMemory:
         self._used[name] = known
         return known[-1]
 
+    def note(self, path: str, state: list[int], found: str) -> None:
+        """Note the digest that another process found of a file, which had this `state_of` before it was read."""
+        if time.time_ns() - state[2] >= SETTLED_NS:
+            self._used[path] = [*state, found]
+
     def save(self) -> None:
         """Keep what was looked up since this was made; the rest is of deleted files."""
         if self._used != self._known:
             atomic.write_text(self._path, json.dumps(self._used, sort_keys=True))
             self._known = dict(self._used)
+
+
+def state_of(path: str) -> list[int]:
+    """What a file is known by: size, times of change [ns], inode. Raises OSError."""
+    return _state(os.stat(path))  # noqa: PTH116, asked for each clip of each stage
 
 
 def _state(stat: os.stat_result) -> list[int]:
@@ -90,15 +100,14 @@ class BlobStore:
         except OSError:
             return False
 
-    def put(self, data: bytes, *, synced: bool = False) -> str:
+    def put(self, data: bytes) -> str:
         """Store `data`, also over a blob of that name that was damaged; its digest.
 
-        Without `synced` it is not forced to the disk: one that a power cut tears does not have its name's digest, and
-        is made again.
+        It is not forced to the disk: one that a power cut tears does not have its name's digest, and is made again.
         """
         blob = digest.of_bytes(data)
         if not self._has_bytes(blob, data):
-            atomic.write_bytes(self.path(blob), data, synced=synced)
+            atomic.write_unsynced(self.path(blob), data)
         if self.remote is not None:
             self.remote.put(data)
         return blob

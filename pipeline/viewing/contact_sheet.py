@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.batch import Entry, Manifest, Store
+from pipeline.batch.shard import rows_of
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip
@@ -158,8 +159,8 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
         if seconds > LEAST_LOST_S and clip in there:
             families.setdefault(clip.split("~")[0], clip)
     shown = list(families.values())[:most]
-    entries = {entry.clip: entry for entry in previous.entries if entry.clip in shown} if shown else {}
-    rows = {row.clip: row for row in stage.judged if row.clip in shown} if shown else {}
+    entries = {entry.clip: entry for entry in rows_of(previous.entry_shards, shown)}
+    rows = {row.clip: row for row in rows_of(stage.judged_shards, shown)}
     strips = []
     for row in (rows[clip] for clip in shown):
         clip = entry_clip(store, entries[row.clip])

@@ -141,7 +141,7 @@ def test_workers_of_a_cluster_that_do_not_see_the_store_work_through_the_url(tmp
         made = run_stage(work, before, there, pool, LOG)
         assert [entry.numbers["sees"] for entry in made.entries] == [False] * 3
         assert [entry.blob for entry in made.entries] == [entry.blob for entry in expected.entries]
-        assert there.damaged(made, pool) == []
+        assert [*there.damaged(made, pool)] == []
         entries = [
             ExpertEntry(
                 clip=StoredClip(name=entry.clip, blob=entry.blob, store=there),
@@ -151,7 +151,7 @@ def test_workers_of_a_cluster_that_do_not_see_the_store_work_through_the_url(tmp
             )
             for entry in made.entries
         ]
-        assert write_database(tmp_path / "t1", entries, robot, stages={}, pool=pool)["clips"] == 3
+        assert write_database(tmp_path / "t1", entries, robot, stages={}, pool=pool).manifest["clips"] == 3
 
 
 def test_a_disk_that_refuses_the_copy_is_no_fault_of_the_url(tmp_path: Path, url: str):

@@ -33,7 +33,7 @@ from tests.factories.robot_clips import standing
 
 def test_what_is_written_is_read_and_says_where_it_came_from(robot: Robot, tmp_path: Path):
     folder = tmp_path / "t1"
-    manifest = write_database(folder, entries_of(robot), robot, stages={"feasibility": {"version": "1"}})
+    manifest = write_database(folder, entries_of(robot), robot, stages={"feasibility": {"version": "1"}}).manifest
     database = read_database(folder)
     assert database.manifest == manifest
     assert [clip.name for clip in database.clips] == ["source/clip0@0-60~mirror", "source/clip1@0-60~mirror"]

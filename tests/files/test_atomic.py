@@ -55,9 +55,38 @@ def test_the_new_name_and_the_folders_made_for_it_are_synced_after_the_rename(tm
 
 def test_what_can_be_made_again_is_whole_without_being_synced(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", None)
-    atomic.write_bytes(tmp_path / "a" / "file", b"new", synced=False)
+    atomic.write_unsynced(tmp_path / "a" / "file", b"new", 5_000_000_000)
     assert (tmp_path / "a" / "file").read_bytes() == b"new"
-    assert [path.name for path in (tmp_path / "a").iterdir()] == ["file"]
+    assert (tmp_path / "a" / "file").stat().st_mtime == 5.0
+    with pytest.raises(FileError, match=r"a: could not be written .* are free"):
+        atomic.write_unsynced(tmp_path / "a", b"new")
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "file"]
+
+
+def test_files_are_synced_before_the_names_in_their_folders(tmp_path, monkeypatch):
+    synced, real = [], os.fsync
+
+    def watched(handle):
+        synced.append(os.fstat(handle).st_ino)
+        real(handle)
+
+    files = [tmp_path / "a" / "one", tmp_path / "b" / "two"]
+    for file in files:
+        atomic.write_unsynced(file, b"new")
+    monkeypatch.setattr(os, "fsync", watched)
+    atomic.sync(files)
+    assert set(synced[:2]) == {file.stat().st_ino for file in files}
+    assert set(synced[2:]) == {file.parent.stat().st_ino for file in files}
+
+
+def test_a_file_that_cannot_be_synced_is_no_folder_that_need_not_be(tmp_path, monkeypatch):
+    def refuse(handle):
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    (tmp_path / "file").write_bytes(b"new")
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(OSError, match="Invalid argument"):
+        atomic.sync([tmp_path / "file"])
 
 
 def test_a_file_system_that_syncs_no_folders_is_written_to_all_the_same(tmp_path, monkeypatch):
@@ -152,14 +181,10 @@ def test_a_blob_is_read_back_and_a_changed_one_is_refused(tmp_path):
     assert store.get(store.put(b"frames")) == b"frames"
 
 
-def test_only_a_synced_blob_is_forced_to_the_disk(tmp_path, monkeypatch):
-    synced = []
-    monkeypatch.setattr(os, "fsync", synced.append)
+def test_a_blob_is_not_forced_to_the_disk(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "fsync", None)
     store = BlobStore(root=tmp_path)
-    store.put(b"frames")
-    assert not synced
-    store.put(b"rows", synced=True)
-    assert len(synced) >= 2, "file and folder"
+    assert store.get(store.put(b"frames")) == b"frames"
 
 
 def test_a_missing_blob_says_what_to_do(tmp_path):
