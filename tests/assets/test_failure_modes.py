@@ -77,7 +77,7 @@ def test_a_store_that_cannot_be_read_or_written_is_no_unreadable_log(project, ro
     with pytest.raises(dg.Failure, match=r"memo.*could not be read.*Check the disk"):
         failure_modes._answer("x", path, numbers)
     monkeypatch.setattr(Store, "recall", lambda *asked: None)
-    with pytest.raises(dg.Failure, match=r"memo.*could not be written.*Is the disk full\?"):
+    with pytest.raises(dg.Failure, match=r"memo.*could not be written.*MB are free"):
         failure_modes._answer("x", path, numbers)
 
 

@@ -5,13 +5,13 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -93,30 +93,28 @@ def clips(store: Store, root: Path, count: int, seconds: float = 4.0) -> Manifes
     return Manifest(stage="before", entries=tuple(entries), judged=())
 
 
-def when(condition: Callable[[], bool], do: Callable[[], object]) -> threading.Thread:
-    """A thread that does something as soon as a condition holds."""
+def killing(worker: subprocess.Popen, next_done: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """`next_done` that kills a worker once the first task is done, while others are under way."""
 
-    def wait() -> None:
-        while not condition():
-            time.sleep(0.02)
-        do()
+    def done(tasks: Any) -> Any:
+        found = next_done(tasks)
+        if worker.poll() is None:
+            worker.kill()
+        return found
 
-    thread = threading.Thread(target=wait, daemon=True)
-    thread.start()
-    return thread
+    return done
 
 
-def test_two_workers_one_of_them_killed_give_the_bytes_of_a_local_run(tmp_path, root, judged, caplog):
+def test_two_workers_one_of_them_killed_give_the_bytes_of_a_local_run(tmp_path, root, judged, caplog, monkeypatch):
     here, there = Store(root=tmp_path / "here"), Store(root=tmp_path / "there")
     alone = run_stage(judged, clips(here, root, 24), here, HERE, LOG)
     before = clips(there, root, 24)
     with two_workers(tmp_path) as (address, workers):
         pool = ClipPool(backend="dask", address=address)
-        under_way = when(lambda: any(there.root.glob("memo/*/*.json")), workers[0].kill)
+        monkeypatch.setattr(cluster._Tasks, "next_done", killing(workers[0], cluster._Tasks.next_done))
         with caplog.at_level(logging.INFO):
             spread = run_stage(judged, before, there, pool, LOG)
-        answered = not under_way.is_alive()
-        assert answered and workers[0].wait(10) == -signal.SIGKILL
+        assert workers[0].wait(10) == -signal.SIGKILL
         assert cluster.connected(address, 0).workers == 1
     assert spread.to_text() == alone.to_text()
     assert {path.name for path in there.root.glob("blobs/*/*")} == {path.name for path in here.root.glob("blobs/*/*")}

@@ -192,9 +192,9 @@ def test_faults_of_frames_are_found_when_a_clip_is_made_and_remembered(store):
 
 def test_blobs_that_do_not_round_trip_are_named_by_their_clips(store):
     made = run_stage(stage(), manifest_of(store, ["a", "b", "c"]), store, POOL, LOG)
-    assert store.damaged(made, ClipPool(workers=2)) == []
+    assert list(store.damaged(made, ClipPool(workers=2))) == []
     store.own_blobs.path(made.entries[1].blob).write_bytes(b"damaged")
-    assert store.damaged(made, POOL) == ["b"]
+    assert list(store.damaged(made, POOL)) == ["b"]
 
 
 def test_every_clip_of_a_damaged_blob_is_named(store):
@@ -203,7 +203,7 @@ def test_every_clip_of_a_damaged_blob_is_named(store):
     shards = [shard_of(Entry, [Entry(clip=name, blob=blob, numbers={})]) for name in ("a/one", "b/one")]
     made = Manifest(stage="before", entries=Rows([store.put_shard(shard) for shard in shards]), judged=())
     store.own_blobs.path(blob).write_bytes(b"damaged")
-    assert store.damaged(made, POOL) == ["a/one", "b/one"]
+    assert list(store.damaged(made, POOL)) == ["a/one", "b/one"]
 
 
 def test_a_stage_that_writes_to_its_clip_fails(store):
