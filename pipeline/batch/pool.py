@@ -7,18 +7,16 @@ import functools
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import cloudpickle
 import joblib
 
 from pipeline.errors import PipelineError, UnknownNameError
-
-T = TypeVar("T")
 
 WATCH_EVERY_S = 1.0
 """How often a worker process looks whether its parent is there."""
@@ -75,10 +73,10 @@ class ClipPool:
             on_lost: result of a call that each of several workers of a cluster died of, made of a sentence that says
                 so; without it ClusterError is raised
         """
-        workers = min(self.workers or joblib.cpu_count(), len(calls))
+        workers = self.workers or joblib.cpu_count()
         if self.backend == DASK and calls:
             return self._cluster().map(function, calls, shared, on_lost)
-        if workers <= 1 or self.backend == SEQUENTIAL:
+        if min(workers, len(calls)) <= 1 or self.backend == SEQUENTIAL:
             return (function(*call) for call in calls)
         with joblib.parallel_config(backend=LOKY, n_jobs=workers):
             parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs")
@@ -89,16 +87,6 @@ class ClipPool:
         from pipeline.batch.cluster import connected
 
         return connected(self.address, 0 if self.address else self.workers or joblib.cpu_count())
-
-
-def one_ahead(batches: Iterable[T]) -> Iterator[T]:
-    """Batches of a pool's work, each begun before the one before it is awaited, so that no process waits for work."""
-    begun: list[T] = []
-    for batch in batches:
-        if begun:
-            yield begun.pop()
-        begun.append(batch)
-    yield from begun
 
 
 def _ending_with(parent: int, function: bytes, *call: Any) -> Any:

@@ -16,7 +16,7 @@ from typing import Any
 from pipeline.batch.again import clips_again
 from pipeline.batch.answer import rejection, work_on_clips, work_on_files
 from pipeline.batch.manifest import Manifest
-from pipeline.batch.pool import ClipPool, one_ahead
+from pipeline.batch.pool import ClipPool
 from pipeline.batch.rows import Entry
 from pipeline.batch.shard import Rows, Shard, cut, shards_of
 from pipeline.batch.shard_answers import Job, Stage, recalled, result_of
@@ -26,8 +26,8 @@ from pipeline.errors import ClipError
 PROGRESS_EVERY_S = 5.0
 
 
-AT_A_TIME = 1024
-"""Clips to work on that a pool gets together, the next ones before it has finished: its processes stay at work."""
+AT_A_TIME = 2048
+"""Clips to work on that are at hand at a time: a pool gets them together, so that its processes stay at work."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,16 +144,11 @@ def _gather(
         log.info("%s: %s", stage.name, where)
     done, last = 0, time.monotonic()
     started = last
-
-    def begun(places: list[int]) -> tuple[dict[int, list[Job]], Iterator[tuple[Job, dict[str, Any]]]]:
-        """The jobs of some parts, and those that are worked on, each with its answer."""
+    for places in _batches(todo):
         jobs_of = {place: parts[place].jobs(keys[place]) for place in places}
         asked = [job for place in places for job in jobs_of[place] if job.key in todo[place]]
-        return jobs_of, _worked_on(asked, work, pool, store)
-
-    for jobs_of, answered in one_ahead(map(begun, _batches(todo))):
         worked: dict[str, dict[str, Any]] = {}
-        for job, answer in answered:
+        for job, answer in _worked_on(asked, work, pool, store):
             worked[job.key] = answer
             done += 1
             if not answer["failed"]:
@@ -161,7 +156,8 @@ def _gather(
             if time.monotonic() - last > PROGRESS_EVERY_S:
                 last = time.monotonic()
                 log.info("%s", progress(stage.name, done, of, last - started))
-        for place, jobs in jobs_of.items():
+        for place in places:
+            jobs = jobs_of[place]
             answers = {job.key: worked.get(job.key) or store.recall(job.key, stage.asker) for job in jobs}
             results[place] = result_of(stage, parts[place].key, jobs, answers, len(todo[place]), store)
     found = [result for result in results if result is not None]
@@ -211,17 +207,13 @@ def progress(stage: str, done: int, of: int, seconds: float) -> str:
 def _worked_on(
     jobs: list[Job], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool, store: Store
 ) -> Iterator[tuple[Job, dict[str, Any]]]:
-    """Each job with its answer, as they come; a group of jobs is one call. The pool begins at once."""
+    """Each job with its answer, as they come; a group of jobs is one call."""
     groups: dict[str, list[Job]] = {}
     for job in jobs:
         groups.setdefault(job.group, []).append(job)
     calls = [([job.about for job in group],) for group in groups.values()]
     found = pool.map(work, calls, shared=store.shared_folders, on_lost=_Lost)
-    return _answered(groups.values(), found)
-
-
-def _answered(groups: Iterable[list[Job]], found: Iterator[Any]) -> Iterator[tuple[Job, dict[str, Any]]]:
-    for group, answers in zip(groups, found, strict=True):
+    for group, answers in zip(groups.values(), found, strict=True):
         if isinstance(answers, _Lost):
             answers = [rejection("failed", f"clip '{job.clip}': {answers.why}", None, failed=True) for job in group]
         yield from zip(group, answers, strict=True)

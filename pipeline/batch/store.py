@@ -1,7 +1,7 @@
 """The project's store on disk: blobs, memo, manifests and their shards.
 
-A killed run leaves each file whole or not there. Manifests and shards withstand a power cut, too; blobs and memo are
-not forced to the disk, and what a power cut takes of them is made again.
+A killed run leaves each file whole or not there. Manifests and the shards that they name withstand a power cut, too;
+blobs and memo are not forced to the disk, and what a power cut takes of them is made again.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
-from pipeline.files.blob_store import BlobStore, DigestMemory, state_of
+from pipeline.files.blob_store import BlobStore, DigestMemory, settled_state
 from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 LOCK = "lock"
@@ -177,7 +177,7 @@ class Store:
     def damaged(self, manifest: Manifest, pool: ClipPool) -> Iterator[str]:
         """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again.
 
-        The pool begins at once. It is awaited when the first clip is asked for.
+        Processes on this machine begin at once. They are awaited when the first clip is asked for.
         """
         version = code_version()
         unchecked: list[tuple[str, list[str], list[str]]] = []  # key of the answer, clips, blobs
@@ -205,9 +205,9 @@ class Store:
             yield from (clip for clip, blob in zip(clips, blobs, strict=True) if states[blob] is None)
 
     def _all_round_trip(self, blobs: list[str]) -> list[list[int] | None]:
-        """What each blob's file is known by, nothing of one at a URL; None where it does not round-trip."""
+        """The settled state of each blob's file, nothing of one at a URL; None where it does not round-trip."""
         states = [
-            [] if self.blobs_url or not self.own_blobs.has(blob) else state_of(self._file(blob)) for blob in blobs
+            [] if self.blobs_url or not self.own_blobs.has(blob) else settled_state(self._file(blob)) for blob in blobs
         ]
         return [state if self.round_trips(blob) else None for blob, state in zip(blobs, states, strict=True)]
 

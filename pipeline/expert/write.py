@@ -23,7 +23,6 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.batch import ClipPool, Store
-from pipeline.batch.pool import one_ahead
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
@@ -38,8 +37,8 @@ HERE = ClipPool(backend="sequential")
 
 A_CALL = 16
 """Clips that a process writes before it reports."""
-AT_A_TIME = 1024
-"""Clips that several processes get together, the next ones before they have finished."""
+AT_A_TIME = 2048
+"""Clips whose entries are at hand at a time where several processes write."""
 
 MAX_JOINT_STEP = 0.05
 """Largest change of a joint over the seam [rad] beyond what one frame of motion makes (judgement: 2.5 rad/s)."""
@@ -237,9 +236,7 @@ def _write_clips(
     stages, stages_text = None, ""
     faults: list[str] = []
     work = partial(_write_files, part=part, robot=robot, in_place=known.folder)
-
-    def begun(few: list[ExpertEntry]) -> tuple[list[ExpertEntry], Iterator[Written]]:
-        """Some entries, and what processes write of them."""
+    for few in _in_batches(entries, pool):
         for entry in few:
             _check(entry, names)
             names.add(entry.clip.name)
@@ -248,10 +245,7 @@ def _write_clips(
         stores = [entry.clip.store for entry in few if isinstance(entry.clip, StoredClip)]
         shared = dict.fromkeys((part.parent, *(folder for store in stores for folder in store.shared_folders)))
         own = stores[0].pool_of_files(pool) if stores else pool
-        return few, itertools.chain.from_iterable(own.map(work, calls, shared=tuple(shared)))
-
-    batches = map(begun, _in_batches(entries, pool))
-    for few, written in batches if pool.backend == HERE.backend else one_ahead(batches):
+        written = itertools.chain.from_iterable(own.map(work, calls, shared=tuple(shared)))
         for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
             faults += own_faults
             if isinstance(entry.clip, StoredClip):

@@ -48,9 +48,8 @@ class DigestMemory:
         return known[-1]
 
     def note(self, path: str, state: list[int], found: str) -> None:
-        """Note the digest that another process found of a file, which had this `state_of` before it was read."""
-        if time.time_ns() - state[2] >= SETTLED_NS:
-            self._used[path] = [*state, found]
+        """Note the digest that another process found of a file, which had this `settled_state` before it was read."""
+        self._used[path] = [*state, found]
 
     def save(self) -> None:
         """Keep what was looked up since this was made; the rest is of deleted files."""
@@ -59,9 +58,11 @@ class DigestMemory:
             self._known = dict(self._used)
 
 
-def state_of(path: str) -> list[int]:
-    """What a file is known by: size, times of change [ns], inode. Raises OSError."""
-    return _state(os.stat(path))  # noqa: PTH116, asked for each clip of each stage
+def settled_state(path: str) -> list[int]:
+    """What a file is known by: size, times of change [ns], inode; nothing of one that changed just now, as its next
+    change may have the same times. Raises OSError."""
+    stat = os.stat(path)  # noqa: PTH116, asked for each clip of each stage
+    return _state(stat) if time.time_ns() - stat.st_ctime_ns >= SETTLED_NS else []
 
 
 def _state(stat: os.stat_result) -> list[int]:
