@@ -52,9 +52,7 @@ def expert_db(
     yield dg.MaterializeResult(
         asset_key=plan.key,
         metadata=metadata,
-        data_version=dg.DataVersion(
-            digest.of_file(folder / MANIFEST)
-        ),  # its files were checked when written
+        data_version=dg.DataVersion(digest.of_file(folder / MANIFEST)),  # its files were checked when written
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
     yield from judge_contents(plan, written)
