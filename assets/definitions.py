@@ -1,4 +1,7 @@
-"""Assembles the graph: sources, the shared stages, the stages and policies of each robot, resources. Nothing else."""
+"""Assembles the graph: sources, the shared stages, the stages and policies of each robot, resources.
+
+It also makes Python look for garbage less often.
+"""
 
 import gc
 from typing import Any

@@ -99,7 +99,8 @@ def _ending_with(parent: int, function: bytes, *call: Any) -> Any:
 
 @functools.lru_cache(maxsize=1)
 def _unpickled(function: bytes) -> Callable[..., Any]:
-    """The function, and with it what it holds (a robot), the same for one call after the other."""
+    """The function, and with it what it holds (a robot), the same for one call after the other. Its bytes are
+    those that the parent made: nothing is unpickled that came from a file."""
     return cloudpickle.loads(function)
 
 

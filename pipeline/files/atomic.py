@@ -9,7 +9,6 @@ import errno
 import os
 import stat
 import tempfile
-import threading
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -21,6 +20,7 @@ READABLE = 0o644
 
 
 SYNCED_AT_A_TIME = 16
+"""Threads that wait for the disk."""
 
 
 def write_bytes(path: Path, data: bytes, mode: int = READABLE) -> None:
@@ -68,7 +68,7 @@ def write_unsynced(path: Path | str, data: bytes, time_ns: int | None = None) ->
         time_ns: its time since the epoch [ns]; without it that of writing
     """
     folder, name = os.path.split(path)
-    aside = f"{folder}/.{name}.{os.getpid()}.{threading.get_ident()}.part"
+    aside = f"{folder}/.{name}.{os.urandom(8).hex()}.part"  # machines that share a folder may have equal process ids
     try:
         try:
             stream = open(aside, "wb")  # noqa: PTH123, SIM115
