@@ -22,6 +22,7 @@ COMEBACK_SPEED = 2.0
 """A gap of the whole body is filled if the way across took at most this many times the clip's usual top speed."""
 SLACK = 0.05
 """Way that is always allowed across a gap [m]."""
+CUT = "these frames are cut"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +111,7 @@ def of_slip(
 def of_skating(one: Skating, fps: float, settings: ContactSettings) -> Reason:
     """A stretch in which the foot that carries the body slides."""
     speed_m_s, limit = one.speed_m_s, settings.skate_limit_m_s
-    text = f"standing feet slide at {speed_m_s:.3f} m/s, allowed are {limit:g} m/s; these frames are cut"
+    text = f"standing feet slide at {speed_m_s:.3f} m/s, allowed are {limit:g} m/s; {CUT}"
     return refused("foot_skate", text, (one.start, one.stop), fps, speed_m_s, limit, "m/s")
 
 
@@ -173,7 +174,7 @@ def _reason(one: Defect, division: Division, fps: float, settings: RepairSetting
     if one.is_cut:
         return one.reason(fps, "repaired", "the clip is cut there")
     if division.dropped[one.start : one.stop].all():
-        return one.reason(fps, "rejected", "these frames are cut")
+        return one.reason(fps, "rejected", CUT)
     seconds = (one.stop - one.start) / fps
     if seconds > settings.fill.short_gap_s + 1e-9:
         return one.reason(fps, "repaired", f"filled over {seconds:.2f} s, an estimate")

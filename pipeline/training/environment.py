@@ -30,6 +30,8 @@ from pipeline.training.terrain import ROUGHNESS_M
 
 VELOCITY_STEPS = 8
 """Velocities are recorded every so many steps."""
+AFTER_PUSH_STEPS = 50
+"""For so many control steps after a push began the discriminator reads no window: no clip shows how to recover."""
 
 
 @runtime_checkable
@@ -114,6 +116,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """Velocity of that state (n, 3)."""
         self.push_w = torch.zeros(num_envs, 3, device=device)
         """Force of a push on the trunk (n, 3) [N]."""
+        self.steps_since_push = torch.full((num_envs,), AFTER_PUSH_STEPS, device=device)
+        """Control steps since the episode's last push or kick began (n,); AFTER_PUSH_STEPS without one."""
         self.disturbance = torch.zeros((), device=device)
         """Ramp of delays, slopes and pushes, 0 to 1; on the device, where a replayed step reads it."""
         self.restarts: list[Callable[[torch.Tensor], None]] = []
@@ -154,6 +158,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._trunk = slice(trunk, trunk + 1)  # a list of indices would be copied to the GPU at each step
         self._no_torque = torch.zeros_like(self.push_w)[:, None]
         self.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
+        self.restarts.append(lambda mask: replace(self.steps_since_push, mask, AFTER_PUSH_STEPS))
         self._motion = torch.zeros(self.num_envs, config.discriminator.frames, len(self.columns), device=self.device)
         super().load_managers()
         self.record = Record(self.device, self.reward_manager.active_terms)
@@ -175,7 +180,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     def step(self, action: torch.Tensor):
         """mjlab's step in parts that a GPU replays; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows
-        within one episode.
+        within one episode and not soon after a push.
 
         Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations read links as they were
         a physics step ago. Observations are the caller's; all else that is returned is overwritten by the next step.
@@ -221,6 +226,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.reset_terminated = self.termination_manager.terminated
         self.reset_time_outs = self.termination_manager.time_outs & ~self.reset_terminated
         self.reward_buf = self.reward_manager.compute(dt=self.step_dt)
+        self.steps_since_push += 1
         if "step" in self.event_manager.available_modes:
             self.event_manager.apply(mode="step", dt=self.step_dt)
 
@@ -244,7 +250,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._groups = self.observation_manager.compute(update_history=True)
         self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
         self.extras["motion"] = self._motion
-        self.extras["motion_valid"] = self.episode_length_buf >= self._motion.shape[1]
+        whole, quiet = self.episode_length_buf >= self._motion.shape[1], self.steps_since_push >= AFTER_PUSH_STEPS
+        self.extras["motion_valid"] = whole & quiet
         self.record.add(self)
 
     def _note_velocity(self) -> None:

@@ -12,7 +12,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings as settings_files
 from pipeline.readers import Statement, read_motion
 from pipeline.repair import RepairSettings, process
-from pipeline.repair.robot_motion import find_dropouts, without_spikes
+from pipeline.repair.robot_outliers import find_dropouts, without_spikes
 
 
 def walk(robot, fps=50.0, seconds=3.0, noise=0.0, seed=0):

@@ -37,7 +37,7 @@ def test_training_imports_nothing_but_the_stack_of_a_gpu_host():
     """Top-level packages that the modules of ours import that training loads, in a process of its own."""
     code = """
 import ast, json, pathlib, sys
-import pipeline.training.chain, pipeline.training.export_policy, pipeline.tracking.run
+import pipeline.training.chain, pipeline.tracking.run
 ours = {name: module for name, module in sys.modules.items() if name.split(".")[0] in ("pipeline", "assets")}
 named = {}
 for name, module in ours.items():

@@ -15,7 +15,6 @@ from pipeline.learning.policy_file import Network
 from pipeline.training import chain, runner
 from pipeline.training.__main__ import main
 from pipeline.training.amp.algorithm import ramp
-from pipeline.training.export_policy import main as export
 from pipeline.training.stage import Stage
 from tests.factories.training_bundle import small_bundle
 
@@ -62,13 +61,10 @@ def test_both_stages_make_a_policy(run, folder, tmp_path):
     assert all(float(row[name]) == float(row[name]) for row in rows for name in ("task_reward", "d_expert", "accuracy"))
     newest = newest_checkpoint(run / "amp" / "checkpoints")
     assert newest is not None
-    exported = tmp_path / "exported.npz"
-    assert export(["--checkpoint", str(newest), "--bundle", str(folder), "--out", str(exported)]) == 0
-    assert exported.read_bytes() == (run / "policy.npz").read_bytes()
-    policy = load_policy(exported)
+    policy = load_policy(run / "policy.npz")
     assert policy.gains is not None
     observation = torch.randn(5, 720)
-    arrays = dict(np.load(exported))
+    arrays = dict(np.load(run / "policy.npz"))
     assert policy.act(observation.double().numpy()) == pytest.approx(
         Network(arrays, "cpu")(observation).numpy(), abs=1e-3
     )

@@ -10,6 +10,7 @@ import torch
 from torch import nn
 
 from pipeline.learning.robot_facts import read_robot_facts
+from pipeline.training.amp.algorithm import mean_where_not
 from pipeline.training.amp.discriminator import (
     Discriminator,
     accuracy,
@@ -52,6 +53,13 @@ def test_the_penalty_of_a_linear_score_is_its_slope_off_one_squared():
     assert penalty.item() == pytest.approx(16.0, rel=1e-5)
     penalty.backward()
     assert score.weight.grad is not None
+
+
+def test_windows_that_are_not_judged_get_the_mean_of_those_that_are():
+    valid = torch.tensor([True, False, True, False])
+    given = mean_where_not(valid, torch.tensor([1.0, 100.0, 2.0, -100.0]))
+    assert given.tolist() == [1.0, 1.5, 2.0, 1.5]
+    assert mean_where_not(torch.zeros(2, dtype=torch.bool), torch.tensor([5.0, 6.0])).tolist() == [0.0, 0.0]
 
 
 def test_the_r1_gradient_of_a_linear_score_is_its_slope():

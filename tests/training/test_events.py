@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.physics import GRAVITY
 from pipeline.training.bundle import read_bundle
 from pipeline.training.config import RECIPE
-from pipeline.training.environment import AmpEnvironment
+from pipeline.training.environment import AFTER_PUSH_STEPS, AmpEnvironment
 from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, SMALLEST_PUSH, horizontal
 from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
@@ -146,3 +146,23 @@ def test_a_force_acts_for_a_tenth_of_a_second_and_ends_with_the_episode(bundle):
         lasted = torch.where(acts & ~new, lasted + 1, 0)
     assert seen == {round(FORCE_S / env.step_dt)}
     assert 0.5 * 400.0 < largest <= 400.0 + 1e-3
+
+
+@pytest.mark.parametrize("push", ("impulse_n_s", "kick_m_s"))
+def test_the_discriminator_reads_no_window_soon_after_a_push(bundle, push):
+    still = {"simulation.reference_share": 0.0, "commands.standing_share": 1.0}
+    others = {"commands.single_axis_share": 0.0, "commands.fast_share": 0.0}
+    env = made(bundle, **{f"pushes.{push}": (0.1, 0.1), "pushes.interval_s": (1.3, 1.4)}, **still, **others)
+    span = env._motion.shape[1]
+    since, read = torch.full((ENVS,), 10_000), 0
+    for _ in range(150):
+        *_, extras = env.step(torch.zeros(ENVS, 21))
+        new = env.episode_length_buf == 0
+        began = env.steps_since_push == 0
+        since = torch.where(began, 0, torch.where(new, 10_000, since + 1))
+        wanted = (env.episode_length_buf >= span) & (since >= AFTER_PUSH_STEPS)
+        assert torch.equal(extras["motion_valid"], wanted)
+        read += int((wanted & (since < 10_000)).sum())
+        if push == "impulse_n_s":
+            assert torch.equal(env.push_w.norm(dim=1) > 0.0, since < round(FORCE_S / env.step_dt))
+    assert read > 0

@@ -101,12 +101,12 @@ class AmpPpo(StepwisePpo):
             return super().act(obs)
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
-        """Blend the style reward in; score the windows within one episode and keep half of them for the replay."""
+        """Blend the style reward in and keep half of the valid windows for the replay; other windows get the mean."""
         style, score = torch.zeros_like(rewards), torch.zeros_like(rewards)
         if self.discriminator is not None:
             motion, valid = extras["motion"], extras["motion_valid"]
-            score = self.discriminator.score(motion)
-            style = style_reward(score, self.discriminator.beta) * valid
+            score = mean_where_not(valid, self.discriminator.score(motion))
+            style = mean_where_not(valid, style_reward(score, self.discriminator.beta))
             kept = valid & (torch.rand(len(valid), device=valid.device) < 0.5)
             self.discriminator.replay.insert(motion, kept)
         self.step_figures += torch.stack([rewards.mean(), style.mean(), score.mean(), torch.ones_like(score[0])])
@@ -204,6 +204,12 @@ class AmpPpo(StepwisePpo):
             if parameter.grad is not None:
                 torch.distributed.all_reduce(parameter.grad)
                 parameter.grad /= self.gpu_world_size
+
+
+def mean_where_not(valid: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    """The values (n,), and the mean of the valid ones where they are not valid (n,); 0 without a valid one."""
+    mean = (values * valid).sum() / valid.sum().clamp(min=1)
+    return torch.where(valid, values, mean)
 
 
 def explained(returns: torch.Tensor, values: torch.Tensor) -> float:

@@ -77,6 +77,7 @@ class PushTimer:
         begins = self._left_s <= 0.0
         low, high = self._largest
         push_w = horizontal(len(begins), begins.device) * (low + (high - low) * self._env.disturbance)
+        replace(self._env.steps_since_push, begins, 0)
         self.restart(begins)
         return begins, push_w
 
