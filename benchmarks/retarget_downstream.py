@@ -5,7 +5,7 @@
         [--seeds 1 2 3] [--workers 0] [--json]
 
 The first command needs GMR and no GPU: files go through reader, catalogue and repair, every fourth recording is held
-out (cut into pieces of 5 s), and both retargeters get the same clips. The second one needs DIR and a GPU: it trains a
+out (cut into pieces of 2 s), and both retargeters get the same clips. The second one needs DIR and a GPU: it trains a
 tracker on each retargeter's clips with `python -m pipeline.tracking`, rolls out the held-out clips of the same
 retargeter in plain MuJoCo and writes DIR/table.md. A run that was stopped continues; what is done is not done again. A
 mirror image of a held-out recording must not be among the files.

@@ -28,8 +28,9 @@ from pipeline.tracking.write_bundle import write_tracking_bundle
 HELD_OUT_EVERY = 4
 """Every so many recordings, in the order of their names, one is held out."""
 
-PIECE_S = 5.0
-"""Held-out clips are cut into pieces of about this length [s], so that one fall does not count for a long recording."""
+PIECE_S = 2.0
+"""Held-out clips are cut into pieces of about this length [s], so that one fall does not count for a long recording.
+Of 25 pieces of 5 s, 13 were followed by no tracker of six, and both retargeters differed by one piece at most."""
 
 LICENCE = "as the recordings'; for measuring, no policy of it ships"
 

@@ -80,7 +80,7 @@ def test_fewer_recordings_than_one_is_held_out_of_are_refused(tmp_path: Path, ro
 
 
 def test_held_out_clips_are_cut_into_pieces_without_a_frame_lost(robot: Robot):
-    clip = standing(robot, seconds=12.0)
+    clip = standing(robot, seconds=5.0)
     clip = dataclasses.replace(clip, joint_pos=clip.joint_pos + np.arange(clip.frame_count)[:, None] * 1e-5)
     pieces = pieces_of(clip)
     assert [piece.name for piece in pieces] == [f"{clip.name}+0", f"{clip.name}+1"]
