@@ -10,6 +10,7 @@ import json
 from dataclasses import dataclass
 from typing import Annotated
 
+import msgspec
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
@@ -75,7 +76,10 @@ def cell_of(rows: pd.DataFrame, settings: CommandSettings) -> pd.Series:
         (_middle(rows["lateral_m_s"].to_numpy(dtype=float), settings.lateral), "m/s"),
         (_middle(rows["yaw_rate_rad_s"].to_numpy(dtype=float), settings.yaw_rate), "rad/s"),
     ]
-    texts = [[f"{value:.1f} {unit}" for value in values] for values, unit in middles]
+    texts = []
+    for values, unit in middles:
+        distinct, place = np.unique(values, return_inverse=True)
+        texts.append(np.array([f"{value:.1f} {unit}" for value in distinct], dtype=object)[place])
     names = pd.Series([", ".join(parts) for parts in zip(*texts, strict=True)], index=rows.index, dtype=object)
     return names.where(~standing(rows, settings), STANDING)
 
@@ -116,7 +120,7 @@ def by_command(rows: pd.DataFrame) -> pd.DataFrame:
     means = rows[list(VELOCITIES)].to_numpy(dtype=float)
     seconds = rows["seconds"].to_numpy(dtype=float)
     for place, text in enumerate(carried):
-        spent = np.array(json.loads(text)) if isinstance(text, str) else np.append(means[place], 1.0)[None]
+        spent = np.array(msgspec.json.decode(text)) if isinstance(text, str) else np.append(means[place], 1.0)[None]
         spent[:, 3] *= seconds[place] / spent[:, 3].sum()
         places += [place] * len(spent)
         values.append(spent)

@@ -10,6 +10,7 @@ A clip carries it as one text, `gait_signature`: JSON, a list of angles [rad].
 import json
 from collections import defaultdict
 
+import msgspec
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
@@ -69,7 +70,7 @@ def _signatures_of(
     of_parent: defaultdict[tuple[int, int], list[np.ndarray]] = defaultdict(list)
     for index, text in zip(place, rows[COLUMN], strict=True):
         if isinstance(text, str):
-            signature = np.array(json.loads(text), dtype=float)
+            signature = np.array(msgspec.json.decode(text), dtype=float)
             of_parent[len(signature), int(index)].append(signature)
     found = []
     for length in sorted({length for length, _ in of_parent}):

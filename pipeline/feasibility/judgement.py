@@ -5,10 +5,8 @@
 A criterion that does not apply to a stretch states why; it never counts as one that holds.
 """
 
-import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import msgspec
 
@@ -22,8 +20,7 @@ DIGITS = 6
 """Significant digits of what is stored."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Found:
+class Found(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One criterion on one stretch."""
 
     value: float | None = None
@@ -38,14 +35,13 @@ class Found:
     """Why it was not asked."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Judgement:
+class Judgement(msgspec.Struct, frozen=True, kw_only=True):
     """All criteria on a stretch of a clip."""
 
     start_s: float
     stop_s: float
     """Where the stretch is in the clip [s]."""
-    found: Mapping[str, Found]
+    found: dict[str, Found]
     """Code of each registered criterion -> its result."""
     piece: str = ""
     """Name of the clip that was made of it; empty where none was."""
@@ -66,8 +62,8 @@ def judge(assessment: Assessment, beside: Sequence[Result], start: int) -> Judge
 
 
 def to_text(judgements: Sequence[Judgement]) -> str:
-    """JSON: a row a stretch, of it a row a criterion; what is left at its default is left out."""
-    return json.dumps([_plain(each) for each in judgements], separators=(",", ":"), allow_nan=False)
+    """JSON: a row a stretch, of it a row a criterion, of which what is left at its default is left out."""
+    return _ENCODER.encode(judgements).decode()
 
 
 def from_text(text: str) -> tuple[Judgement, ...]:
@@ -75,6 +71,7 @@ def from_text(text: str) -> tuple[Judgement, ...]:
     return _DECODER.decode(text)
 
 
+_ENCODER = msgspec.json.Encoder()
 _DECODER = msgspec.json.Decoder(tuple[Judgement, ...])
 
 
@@ -92,12 +89,3 @@ def _found(result: Result) -> Found:
 
 def _rounded(value: float) -> float | None:
     return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
-
-
-def _plain(judgement: Judgement) -> dict:
-    default = vars(Found())
-    found = {
-        code: {name: value for name, value in vars(each).items() if value != default[name]}
-        for code, each in judgement.found.items()
-    }
-    return {**vars(judgement), "found": found}

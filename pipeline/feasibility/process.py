@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from pipeline import time_series
@@ -116,7 +117,7 @@ def _judge(
 
 def _with_piece(judgement: Judgement, names: Mapping[tuple[float, float], str]) -> Judgement:
     """The judgement with the name of the clip that went on from its stretch, of those by start and end [s]."""
-    return dataclasses.replace(judgement, piece=names.get((judgement.start_s, judgement.stop_s), ""))
+    return msgspec.structs.replace(judgement, piece=names.get((judgement.start_s, judgement.stop_s), ""))
 
 
 def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple[int, int]]:
