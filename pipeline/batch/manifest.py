@@ -155,7 +155,7 @@ class Manifest:
 
     def findings(self, *names: str) -> Iterator[tuple[Any, ...]]:
         """The values of the named columns of the findings, a tuple a row; `MISSING` where a row has none."""
-        if not self._verdicts.keys() >= set(names):
+        if not set(names) <= set(VERDICT):
             return _cells(self.judged_shards, names)
         return zip(*(self._verdicts[name] for name in names), strict=True)
 
