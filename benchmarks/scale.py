@@ -83,7 +83,7 @@ def run(root: Path, count: int, workers: int) -> None:
         stage = Stage(name=name, version="1", function=partial(pass_on, stage=name))
         manifest = run_stage(stage, store.load(manifest.stage), store, pool, log)
         if name == STAGES[-1]:
-            assert not store.damaged(manifest, pool)
+            assert not [*store.damaged(manifest, pool)]
             manifest = weighed(manifest)
         store.save(name, manifest)
     write_database(
