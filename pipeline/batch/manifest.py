@@ -25,10 +25,6 @@ SCHEMA_OF_ROWS = "booster-lab manifest 1"
 """Manifests of earlier versions, which hold their rows as JSON."""
 
 
-VERDICT = ("clip", "pieces", "reasons", "seconds_in", "seconds_out")
-"""Columns of the findings that a manifest keeps in memory once they were read."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Manifest:
     """Result of a stage over all clips. Its digest is the data version."""
@@ -155,15 +151,7 @@ class Manifest:
 
     def findings(self, *names: str) -> Iterator[tuple[Any, ...]]:
         """The values of the named columns of the findings, a tuple a row; `MISSING` where a row has none."""
-        if not set(names) <= set(VERDICT):
-            return _cells(self.judged_shards, names)
-        return zip(*(self._verdicts[name] for name in names), strict=True)
-
-    @cached_property
-    def _verdicts(self) -> dict[str, list[Any]]:
-        """The columns of the findings that metadata and checks of a stage are made of, each several times."""
-        rows = list(_cells(self.judged_shards, VERDICT))
-        return {name: [row[place] for row in rows] for place, name in enumerate(VERDICT)}
+        return _cells(self.judged_shards, names)
 
     def kept(self, *names: str) -> Iterator[tuple[Any, ...]]:
         """The values of the named columns of the clips that are kept, as `findings` has those of the findings."""
