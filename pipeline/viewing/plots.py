@@ -136,13 +136,17 @@ def calibration_curves(calibrations: Sequence[Calibration], published: Mapping[s
         place.set_title(f"{each.motor}{'' if each.accepted else ': refused'}", fontsize=8, color=good)
         place.set_ylim(bottom=0.0, top=1.6 * float(torque.max()) if len(torque) else 1.0)
     figure.supxlabel("joint speed [rad/s]", fontsize=8)
-    figure.supylabel("torque [N m]", fontsize=8)
+    figure.supylabel("torque [N m]", fontsize=8, x=0.003)
     return png(figure)
 
 
 def _grid(count: int) -> tuple[Figure, list[Any]]:
     rows = max(-(-count // COLUMNS), 1)
-    figure = Figure(figsize=(10.0, 1.9 * rows + 0.3), dpi=80, layout="constrained")
+    width, height = 10.0, 1.9 * rows + 0.3
+    figure = Figure(figsize=(width, height), dpi=80)
+    # Margins are given [inch]; a layout that looks for them measures every label of every plot.
+    left, right, bottom, top = 0.51 / width, 1.0 - 0.04 / width, 0.44 / height, 1.0 - 0.23 / height
+    figure.subplots_adjust(left=left, right=right, bottom=bottom, top=top, wspace=0.15, hspace=0.3)
     axes = list(np.ravel(figure.subplots(rows, COLUMNS, squeeze=False)))
     for place in axes:
         labelled(place, size=7)
