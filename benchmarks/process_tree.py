@@ -91,8 +91,9 @@ def watch(command: Sequence[str], *, folder: Path, environment: Mapping[str, str
 
 
 def clean_environment(root: Path, executables: Path) -> dict[str, str]:
-    """The environment of a person who types the command: no setting of ours or Dagster's, `root` importable."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("DAGSTER", "BOOSTER_LAB"))}
+    """Environment of a person who types the command: no setting of ours, Dagster's or Python's; `root` importable."""
+    settings = ("DAGSTER", "BOOSTER_LAB", "PYTHON")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(settings)}
     return {**kept, "PATH": f"{executables}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(root)}
 
 
