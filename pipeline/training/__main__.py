@@ -13,8 +13,7 @@
 
 Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Progress is a line an iteration:
 `iteration 12 of 3000 of amp, 5 s, 30.1 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
-when interrupted. Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training ...`; `simulation.num_envs` is that of
-each.
+when interrupted. Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training ...`, each with `simulation.num_envs`.
 """
 
 import argparse

@@ -13,6 +13,8 @@ PAPER_TEXT = "paper"
 """Source of values that the paper states (docs/training.md names it)."""
 BARS = "data/validation.yaml"
 """Source of values that follow from the bars of the validation suite."""
+AFTER_PUSH_S = 1.0
+"""The discriminator reads no window for so long after a push began [s]: no clip shows how to recover."""
 
 
 def option(
@@ -249,6 +251,13 @@ class Config:
     def __post_init__(self) -> None:
         for name, value, facts in self.options():
             _check(name, value, facts)
+        pushes = self.pushes
+        pushed = max(pushes.kick_m_s[1], pushes.impulse_n_s[1]) > 0.0
+        if self.discriminator.style > 0.0 and pushed and pushes.interval_s[1] <= AFTER_PUSH_S:
+            raise TrainingError(
+                f"pushes.interval_s is at most {pushes.interval_s[1]:g} s, but the discriminator reads no window for "
+                f"{AFTER_PUSH_S:g} s after a push. Raise it, or train without style: discriminator.style=0."
+            )
 
     def options(self) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:
         """Every option: its name `group.field`, value, and `text, unit, source` and limits."""

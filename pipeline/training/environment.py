@@ -15,9 +15,9 @@ from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import weights
 from pipeline.training.amp.features import chosen_features, state_features
-from pipeline.training.bundle import Bundle
+from pipeline.training.bundle import FPS, Bundle
 from pipeline.training.captured import Captured
-from pipeline.training.config import Config
+from pipeline.training.config import AFTER_PUSH_S, Config
 from pipeline.training.curves import Record
 from pipeline.training.environment_cfg import DECIMATION, environment_cfg
 from pipeline.training.masks import members, replace
@@ -30,8 +30,8 @@ from pipeline.training.terrain import ROUGHNESS_M
 
 VELOCITY_STEPS = 8
 """Velocities are recorded every so many steps."""
-AFTER_PUSH_STEPS = 50
-"""For so many control steps after a push began the discriminator reads no window: no clip shows how to recover."""
+AFTER_PUSH_STEPS = round(AFTER_PUSH_S * FPS)
+"""Control steps after a push began in which windows are not valid."""
 
 
 @runtime_checkable

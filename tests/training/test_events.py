@@ -19,6 +19,7 @@ from tests.factories.training_bundle import small_bundle
 ENVS = 24
 STEEPEST_DEG = 10.0
 CALM = {"randomization.noise": 0.0, "pushes.kick_m_s": (0.0, 0.0), "pushes.impulse_n_s": (0.0, 0.0)}
+CALM |= {"discriminator.style": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -153,12 +154,14 @@ def test_the_discriminator_reads_no_window_soon_after_a_push(bundle, push):
     still = {"simulation.reference_share": 0.0, "commands.standing_share": 1.0}
     others = {"commands.single_axis_share": 0.0, "commands.fast_share": 0.0}
     env = made(bundle, **{f"pushes.{push}": (0.1, 0.1), "pushes.interval_s": (1.3, 1.4)}, **still, **others)
+    timer = env.event_manager.get_term_cfg("push" if push == "impulse_n_s" else "kick").func._timer
     span = env._motion.shape[1]
     since, read = torch.full((ENVS,), 10_000), 0
     for _ in range(150):
+        left_s = timer._left_s.clone()
         *_, extras = env.step(torch.zeros(ENVS, 21))
         new = env.episode_length_buf == 0
-        began = env.steps_since_push == 0
+        began = (timer._left_s > left_s) & ~new
         since = torch.where(began, 0, torch.where(new, 10_000, since + 1))
         wanted = (env.episode_length_buf >= span) & (since >= AFTER_PUSH_STEPS)
         assert torch.equal(extras["motion_valid"], wanted)
