@@ -117,7 +117,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.push_w = torch.zeros(num_envs, 3, device=device)
         """Force of a push on the trunk (n, 3) [N]."""
         self.steps_since_push = torch.full((num_envs,), AFTER_PUSH_STEPS, device=device)
-        """Control steps since the episode's last push or kick began (n,); AFTER_PUSH_STEPS without one."""
+        """Control steps since the episode's last push or kick began (n,); without one AFTER_PUSH_STEPS or more."""
         self.disturbance = torch.zeros((), device=device)
         """Ramp of delays, slopes and pushes, 0 to 1; on the device, where a replayed step reads it."""
         self.restarts: list[Callable[[torch.Tensor], None]] = []

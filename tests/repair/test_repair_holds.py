@@ -13,7 +13,7 @@ from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
-from pipeline.repair.frozen import Hold, Limits, aligned, find_holds
+from pipeline.repair.holds import Hold, Limits, aligned, find_holds
 from tests.factories.human_clips import walker
 
 STILL_STEP = 1e-6

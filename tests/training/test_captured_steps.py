@@ -102,8 +102,12 @@ def differences(one: Calls, other: Calls) -> list[tuple]:
     return [(a, b) for a, b in zip(one.calls, other.calls, strict=True) if a != b]
 
 
-OFTEN = {"pushes.interval_s": (0.02, 0.04), "pushes.kick_m_s": (0.0, 1.0), "simulation.num_envs": ENVS}
-OFTEN |= {"discriminator.style": 0.0}
+OFTEN = {
+    "simulation.num_envs": ENVS,
+    "pushes.interval_s": (0.02, 0.04),
+    "pushes.kick_m_s": (0.0, 1.0),
+    "discriminator.style": 0.0,
+}
 CONFIGS = {
     "recipe": RECIPE.changed(OFTEN),
     "paper": PAPER.changed({**OFTEN, "simulation.terrain": "plane"}),

@@ -18,8 +18,12 @@ from tests.factories.training_bundle import small_bundle
 
 ENVS = 24
 STEEPEST_DEG = 10.0
-CALM = {"randomization.noise": 0.0, "pushes.kick_m_s": (0.0, 0.0), "pushes.impulse_n_s": (0.0, 0.0)}
-CALM |= {"discriminator.style": 0.0}
+CALM = {
+    "randomization.noise": 0.0,
+    "pushes.kick_m_s": (0.0, 0.0),
+    "pushes.impulse_n_s": (0.0, 0.0),
+    "discriminator.style": 0.0,
+}
 
 
 @pytest.fixture(scope="module")
