@@ -13,8 +13,9 @@ PAPER_TEXT = "paper"
 """Source of values that the paper states (docs/training.md names it)."""
 BARS = "data/validation.yaml"
 """Source of values that follow from the bars of the validation suite."""
-AFTER_PUSH_S = 1.0
-"""The discriminator reads no window for so long after a push began [s]: no clip shows how to recover."""
+AFTER_CHANGE_S = 1.0
+"""The discriminator reads no window for so long after a push began or a command was drawn [s]: no clip shows how the
+policy answers."""
 
 
 def option(
@@ -173,7 +174,7 @@ class DiscriminatorConfig:
     )
     by_command: bool = option(
         True,
-        "draw expert windows and start frames with the distribution of the policy's commands",
+        "draw expert windows and start frames by the policy's commands; the discriminator reads the command",
         "yes/no",
         "paper: by MotionWeight alone",
     )
@@ -253,10 +254,10 @@ class Config:
             _check(name, value, facts)
         pushes = self.pushes
         pushed = max(pushes.kick_m_s[1], pushes.impulse_n_s[1]) > 0.0
-        if self.discriminator.style > 0.0 and pushed and pushes.interval_s[1] <= AFTER_PUSH_S:
+        if self.discriminator.style > 0.0 and pushed and pushes.interval_s[1] <= AFTER_CHANGE_S:
             raise TrainingError(
                 f"pushes.interval_s is at most {pushes.interval_s[1]:g} s, but the discriminator reads no window for "
-                f"{AFTER_PUSH_S:g} s after a push. Raise it, or train without style: discriminator.style=0."
+                f"{AFTER_CHANGE_S:g} s after a push. Raise it, or train without style: discriminator.style=0."
             )
 
     def options(self) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:

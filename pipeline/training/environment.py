@@ -13,11 +13,11 @@ from mjlab.envs import ManagerBasedRlEnv
 
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
-from pipeline.training.amp.expert import weights
+from pipeline.training.amp.expert import drawn_frames
 from pipeline.training.amp.features import chosen_features, state_features
 from pipeline.training.bundle import FPS, Bundle
 from pipeline.training.captured import Captured
-from pipeline.training.config import AFTER_PUSH_S, Config
+from pipeline.training.config import AFTER_CHANGE_S, Config
 from pipeline.training.curves import Record
 from pipeline.training.environment_cfg import DECIMATION, environment_cfg
 from pipeline.training.masks import members, replace
@@ -30,7 +30,7 @@ from pipeline.training.terrain import ROUGHNESS_M
 
 VELOCITY_STEPS = 8
 """Velocities are recorded every so many steps."""
-AFTER_PUSH_STEPS = round(AFTER_PUSH_S * FPS)
+AFTER_CHANGE_STEPS = round(AFTER_CHANGE_S * FPS)
 """Control steps after a push began in which windows are not valid."""
 
 
@@ -116,8 +116,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """Velocity of that state (n, 3)."""
         self.push_w = torch.zeros(num_envs, 3, device=device)
         """Force of a push on the trunk (n, 3) [N]."""
-        self.steps_since_push = torch.full((num_envs,), AFTER_PUSH_STEPS, device=device)
-        """Control steps since the episode's last push or kick began (n,); without one AFTER_PUSH_STEPS or more."""
+        self.steps_since_push = torch.full((num_envs,), AFTER_CHANGE_STEPS, device=device)
+        """Control steps since the episode's last push or kick began (n,); without one AFTER_CHANGE_STEPS or more."""
         self.disturbance = torch.zeros((), device=device)
         """Ramp of delays, slopes and pushes, 0 to 1; on the device, where a replayed step reads it."""
         self.restarts: list[Callable[[torch.Tensor], None]] = []
@@ -141,9 +141,9 @@ class AmpEnvironment(ManagerBasedRlEnv):
     @staticmethod
     def _expert_starts(bundle: Bundle, config: Config, device: str, seed: int) -> StartStates:
         expert, robot = bundle.expert, bundle.robot
-        weight = weights(expert, np.arange(len(expert.frames)), config, seed)
+        drawn, _ = drawn_frames(expert, np.arange(len(expert.frames)), config, seed)
         own = OWN_COMMAND_SHARE if config.discriminator.by_command else 0.0
-        return expert_states(expert, weight, robot.index(robot.controlled), robot.default_joint_pos, device, own)
+        return expert_states(expert, drawn, robot.index(robot.controlled), robot.default_joint_pos, device, own)
 
     def load_managers(self) -> None:
         """mjlab's managers; the state that their terms read exists before them."""
@@ -158,8 +158,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._trunk = slice(trunk, trunk + 1)  # a list of indices would be copied to the GPU at each step
         self._no_torque = torch.zeros_like(self.push_w)[:, None]
         self.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
-        self.restarts.append(lambda mask: replace(self.steps_since_push, mask, AFTER_PUSH_STEPS))
-        self._motion = torch.zeros(self.num_envs, config.discriminator.frames, len(self.columns), device=self.device)
+        self.restarts.append(lambda mask: replace(self.steps_since_push, mask, AFTER_CHANGE_STEPS))
+        self._with_command = config.discriminator.by_command
+        size = len(self.columns) + 3 * self._with_command
+        self._motion = torch.zeros(self.num_envs, config.discriminator.frames, size, device=self.device)
         super().load_managers()
         self.record = Record(self.device, self.reward_manager.active_terms)
 
@@ -180,7 +182,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     def step(self, action: torch.Tensor):
         """mjlab's step in parts that a GPU replays; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows
-        within one episode and not soon after a push.
+        within one episode and not soon after a push or a new command.
 
         Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations read links as they were
         a physics step ago. Observations are the caller's; all else that is returned is overwritten by the next step.
@@ -250,8 +252,9 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._groups = self.observation_manager.compute(update_history=True)
         self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
         self.extras["motion"] = self._motion
-        whole, quiet = self.episode_length_buf >= self._motion.shape[1], self.steps_since_push >= AFTER_PUSH_STEPS
-        self.extras["motion_valid"] = whole & quiet
+        whole, quiet = self.episode_length_buf >= self._motion.shape[1], self.steps_since_push >= AFTER_CHANGE_STEPS
+        settled = self.velocity_command.age >= AFTER_CHANGE_S
+        self.extras["motion_valid"] = whole & quiet & settled
         self.record.add(self)
 
     def _note_velocity(self) -> None:
@@ -263,7 +266,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         return self.obs_buf
 
     def motion_features(self) -> torch.Tensor:
-        """Features of the current states that the discriminator reads (n, f)."""
+        """What the discriminator reads of the current states (n, f): features, and by command the command."""
         state, index = self.robot_state, self.controlled_index
         values = state_features(
             state.root_pos_w,
@@ -274,7 +277,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
             state.joint_vel[:, index],
             state.ends_pos_w,
         )
-        return torch.nan_to_num(values).clamp(-LARGEST, LARGEST)[:, self.columns]
+        motion = torch.nan_to_num(values).clamp(-LARGEST, LARGEST)[:, self.columns]
+        return torch.cat([motion, self.command], dim=1) if self._with_command else motion
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:
         assert env_ids is not None

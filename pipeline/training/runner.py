@@ -7,11 +7,12 @@ import torch
 from mjlab.rl import RslRlVecEnvWrapper
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
+from torch.nn import functional
 
 from pipeline.training.amp.algorithm import CRITIC_WARM_UP, AmpPpo, ramp
 from pipeline.training.amp.discriminator import FIGURES
 from pipeline.training.amp.expert import expert_windows
-from pipeline.training.amp.features import floors
+from pipeline.training.amp.features import COMMAND_FLOOR, floors
 from pipeline.training.amp.symmetry import Mirror
 from pipeline.training.bundle import Bundle
 from pipeline.training.config import Config
@@ -57,7 +58,8 @@ class AmpStage(Stage):
         wrapped.mirror = Mirror(bundle.robot, request.device)
         columns = self.env.columns.cpu()
         windows = expert_windows(bundle.expert, config, columns, request.seed)
-        least = floors(len(bundle.robot.controlled))[columns]
+        commands = windows.shape[2] - len(columns)
+        least = functional.pad(floors(len(bundle.robot.controlled))[columns], (0, commands), value=COMMAND_FLOOR)
         torch.manual_seed(seed)
         warm_up = CRITIC_WARM_UP if start is not None else 0
         self.runner = OnPolicyRunner(wrapped, runner_cfg(config, windows, least, warm_up), None, request.device)

@@ -18,7 +18,14 @@ from pipeline.training.amp.discriminator import (
     gradient_penalty,
     style_reward,
 )
-from pipeline.training.amp.expert import command_weights, expert_windows, frame_weights, window_starts
+from pipeline.training.amp.expert import (
+    CELL,
+    OWN,
+    drawn_by_command,
+    expert_windows,
+    frame_weights,
+    window_starts,
+)
 from pipeline.training.amp.features import FeatureNormalizer, chosen_features, floors, frame_features
 from pipeline.training.amp.replay import Replay
 from pipeline.training.bundle import ExpertFrames
@@ -107,15 +114,29 @@ def test_by_command_frames_are_as_frequent_as_the_policys_commands(expert):
     changed = {"standing_share": 0.9, "fast_share": 0.1, "single_axis_share": 0.0}
     config = RECIPE.changed({f"commands.{name}": value for name, value in changed.items()}).commands
     given = expert.command[starts], frame_weights(expert, starts), config
-    weight = command_weights(*given, seed=0)
-    assert weight[starts < 30].sum() == pytest.approx(0.9, abs=0.02)
-    assert np.array_equal(weight, command_weights(*given, seed=0))
+    command, drawn = drawn_by_command(*given, seed=0, count=5000)
+    assert (starts[drawn] < 30).mean() == pytest.approx(0.9, abs=0.02)
+    again = drawn_by_command(*given, seed=0, count=5000)
+    assert np.array_equal(command, again[0]) and np.array_equal(drawn, again[1])
 
 
-def test_cells_without_an_allowed_frame_answer_no_command(expert):
+def test_frames_without_weight_answer_no_command(expert):
     weight = np.concatenate([np.zeros(30), np.full(20, 0.05)])
-    result = command_weights(expert.command, weight, RECIPE.commands, seed=0)
-    assert result[:30].sum() == 0.0 and result.sum() == pytest.approx(1.0)
+    _, drawn = drawn_by_command(expert.command, weight, RECIPE.commands, seed=0, count=500)
+    assert drawn.min() >= 30
+
+
+def test_a_window_drawn_by_command_is_of_the_nearest_cell_or_keeps_its_own_command(expert):
+    config = RECIPE.changed({**SMALL, "commands.fast_share": 0.3})
+    windows = expert_windows(expert, config, torch.arange(SIZE), seed=0)
+    assert windows.shape == (1000, 4, SIZE + 3)
+    command, frame = windows[:, :, SIZE:], (windows[:, 0, 0].numpy() - 7) / 100.0
+    assert torch.equal(command, command[:, :1].expand(-1, 4, -1))
+    given, own = command[:, 0].numpy(), expert.command[frame.round().astype(int)]
+    kept = (given == own).all(axis=1)
+    nearer = np.linalg.norm(given / CELL, axis=1) > np.linalg.norm((given - [1.8, 0.0, 0.0]) / CELL, axis=1)
+    assert np.array_equal(nearer[~kept], frame[~kept] >= 30)
+    assert (~kept).mean() == pytest.approx((1.0 - OWN) * (1.0 - config.commands.standing_share), abs=0.1)
 
 
 def test_leg_features_are_leg_joints_feet_and_trunk_velocities(tmp_path, root, robot):

@@ -18,7 +18,7 @@ from pipeline.learning.policy_file import Network
 from pipeline.training.amp.features import frame_features
 from pipeline.training.amp.symmetry import Mirror, augment
 from pipeline.training.bundle import ExpertFrames, read_bundle
-from pipeline.training.config import PAPER, RECIPE
+from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.mdp.start_states import expert_states
 from tests.factories.robot_clips import wandering
@@ -91,7 +91,9 @@ def test_features_of_a_state_are_those_of_the_expert_frame_it_was_set_to(env, ro
     taken = wandering_frames(robot)
     put(env, taken)
     expected = frame_features(torch.from_numpy(taken))
-    assert env.motion_features().numpy() == pytest.approx(expected.numpy(), abs=2e-6)
+    found = env.motion_features()
+    assert found[:, :-3].numpy() == pytest.approx(expected.numpy(), abs=2e-6)
+    assert torch.equal(found[:, -3:], env.command)
 
 
 def test_the_observation_is_the_deployments(env, robot):
@@ -141,6 +143,7 @@ def test_motors_are_held_by_their_limits(env):
 def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
     env.reset()
     span = env._motion.shape[1]
+    env.velocity_command.age.fill_(AFTER_CHANGE_S)
     for step in range(1, span + 2):
         *_, extras = env.step(torch.zeros(ENVS, 21))
         kept = env.episode_length_buf == step
@@ -148,6 +151,19 @@ def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
     env._reset_idx(torch.tensor([0]))
     *_, extras = env.step(torch.zeros(ENVS, 21))
     assert not extras["motion_valid"][0]
+
+
+def test_windows_are_not_valid_for_a_second_after_a_new_command(env):
+    env.reset()
+    steps = round(AFTER_CHANGE_S / env.step_dt)
+    span = env._motion.shape[1]
+    env.episode_length_buf.fill_(span)
+    env.velocity_command.time_left.fill_(1e-3)
+    read = []
+    for step in range(1, steps + 2):
+        *_, extras = env.step(torch.zeros(ENVS, 21))
+        read.append(extras["motion_valid"][env.episode_length_buf == span + step].tolist())
+    assert not any(any(each) for each in read[: steps - 1]) and read[-1] and all(read[-1])
 
 
 def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):

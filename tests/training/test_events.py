@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.physics import GRAVITY
 from pipeline.training.bundle import read_bundle
-from pipeline.training.config import RECIPE
-from pipeline.training.environment import AFTER_PUSH_STEPS, AmpEnvironment
+from pipeline.training.config import AFTER_CHANGE_S, RECIPE
+from pipeline.training.environment import AFTER_CHANGE_STEPS, AmpEnvironment
 from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, SMALLEST_PUSH, horizontal
 from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
@@ -167,7 +167,8 @@ def test_the_discriminator_reads_no_window_soon_after_a_push(bundle, push):
         new = env.episode_length_buf == 0
         began = (timer._left_s > left_s) & ~new
         since = torch.where(began, 0, torch.where(new, 10_000, since + 1))
-        wanted = (env.episode_length_buf >= span) & (since >= AFTER_PUSH_STEPS)
+        settled = env.velocity_command.age >= AFTER_CHANGE_S
+        wanted = (env.episode_length_buf >= span) & (since >= AFTER_CHANGE_STEPS) & settled
         assert torch.equal(extras["motion_valid"], wanted)
         read += int((wanted & (since < 10_000)).sum())
         if push == "impulse_n_s":

@@ -4,20 +4,19 @@ import itertools
 
 import numpy as np
 import torch
+from scipy.spatial import cKDTree
 
 from pipeline.training.amp.features import frame_features
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.config import CommandsConfig, Config
 from pipeline.training.mdp.commands import draw_commands
 
-CELL = np.array([0.3, 0.3, 0.6])
+CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
-CHUNK = 10_000
-"""Windows gathered at a time, to bound memory."""
-CELL_SAMPLES = 20_000
-"""Commands drawn to find the share of each cell."""
+OWN = 0.4
+"""Windows labelled with their own command; of the policy, that many obey the command of the frame they began at."""
 WINDOWS = 200_000
-"""Preloaded expert windows (paper); fewer with fewer than 4096 environments."""
+"""Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 
 
 def window_starts(expert: ExpertFrames, length: int) -> np.ndarray:
@@ -33,48 +32,49 @@ def frame_weights(expert: ExpertFrames, starts: np.ndarray) -> np.ndarray:
     return weight / weight.sum()
 
 
-def command_weights(command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int) -> np.ndarray:
-    """Probabilities such that frames' commands are distributed as the policy's.
+def drawn_by_command(
+    command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Commands as the policy gets them, and a frame that answers each.
 
-    Each command of the policy belongs to the nearest cell that has frames; within a cell the weights decide.
+    A command's frames are those of the nearest cell that has any; there the weights decide.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]
-        weight: probability of each frame otherwise (t,)
+        weight: of each frame (t,)
         config: the policy's commands
-        seed: of the commands that are drawn to find the share of each cell
+        seed: of everything random
+        count: how many are drawn
+
+    Returns:
+        Commands (count, 3), of which a share OWN are the frame's own, and indices of frames (count,).
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        drawn = draw_commands(CELL_SAMPLES, config, "cpu").numpy()
-    cells, member = np.unique(np.round(command / CELL).astype(int), axis=0, return_inverse=True)
-    member = member.ravel()
-    inside = np.bincount(member, weights=weight, minlength=len(cells))
-    distance = ((drawn[:, None] / CELL - cells[None]) ** 2).sum(axis=-1)
-    nearest = np.argmin(np.where(inside > 0.0, distance, np.inf), axis=1)
-    wanted = np.bincount(nearest, minlength=len(cells)) / len(drawn)
-    result = weight / np.maximum(inside, 1e-12)[member] * wanted[member]
-    return result / result.sum()
+        wanted = draw_commands(count, config, "cpu").numpy()
+    known = np.flatnonzero(weight > 0.0)
+    cells, member = np.unique(np.round(command[known] / CELL).astype(int), axis=0, return_inverse=True)
+    nearest = cKDTree(cells).query(wanted / CELL)[1]
+    rng, drawn = np.random.default_rng(seed), np.zeros(count, dtype=int)
+    for cell in np.unique(nearest):
+        inside, asked = known[member.ravel() == cell], nearest == cell
+        drawn[asked] = rng.choice(inside, asked.sum(), p=weight[inside] / weight[inside].sum())
+    return np.where(rng.random((count, 1)) < OWN, command[drawn], wanted).astype(np.float32), drawn
 
 
-def weights(expert: ExpertFrames, starts: np.ndarray, config: Config, seed: int) -> np.ndarray:
-    """Probability of each start under a configuration."""
-    weight = frame_weights(expert, starts)
+def drawn_frames(expert: ExpertFrames, starts: np.ndarray, config: Config, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frames (n,) among the starts, and the commands that the discriminator reads with them (n, 3), else (n, 0)."""
+    count, weight = min(WINDOWS, max(1000, 50 * config.simulation.num_envs)), frame_weights(expert, starts)
     if config.discriminator.by_command:
-        return command_weights(expert.command[starts], weight, config.commands, seed)
-    return weight
+        command, drawn = drawn_by_command(expert.command[starts], weight, config.commands, seed, count)
+        return starts[drawn], command
+    return np.random.default_rng(seed).choice(starts, count, p=weight), np.zeros((count, 0), dtype=np.float32)
 
 
 def expert_windows(expert: ExpertFrames, config: Config, columns: torch.Tensor, seed: int) -> torch.Tensor:
-    """Feature windows (n, h, f) of the columns, each of one clip."""
+    """Windows (n, h, f) of the columns and, by command, of the command; each is of one clip."""
     length = config.discriminator.frames
-    starts = window_starts(expert, length)
-    count = min(WINDOWS, max(1000, 50 * config.simulation.num_envs))
-    drawn = np.random.default_rng(seed).choice(starts, count, p=weights(expert, starts, config, seed))
+    first, command = drawn_frames(expert, window_starts(expert, length), config, seed)
     known = frame_features(torch.from_numpy(expert.frames))[:, columns]
-    return torch.cat(
-        [
-            known[torch.from_numpy(part[:, None] + np.arange(length))]
-            for part in np.array_split(drawn, max(1, len(drawn) // CHUNK))
-        ]
-    )
+    motion = known[torch.from_numpy(first[:, None] + np.arange(length))]
+    return torch.cat([motion, torch.from_numpy(command)[:, None].expand(-1, length, -1)], dim=2)

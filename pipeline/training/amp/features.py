@@ -11,6 +11,8 @@ from pipeline.learning.robot_facts import RobotFacts
 FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0}
 """Least standard deviation [rad, m, m/s, rad/s, rad/s] that features are divided by: features that hardly move in the
 data must not outweigh all others."""
+COMMAND_FLOOR = 0.2
+"""The same of a command beside the features [m/s, rad/s]."""
 CLIP = 10.0
 """Normalized features are clipped here."""
 LEG_PARTS = ("Hip", "Knee", "Ankle")

@@ -16,7 +16,7 @@ from pipeline.learning.policy_file import Network
 from pipeline.learning.robot_facts import RobotFacts
 from pipeline.tracking.reference import reference_states
 from pipeline.tracking.task import ACTION_SCALE
-from pipeline.training.amp.expert import command_weights
+from pipeline.training.amp.expert import WINDOWS, drawn_by_command
 from pipeline.training.bundle import References, Teacher
 from pipeline.training.config import Config
 from pipeline.training.masks import replace
@@ -95,8 +95,7 @@ class ClipTeacher:
         """States that episodes begin at, such that labels are distributed as the policy's commands."""
         start = self.references.clip_start
         allowed = np.concatenate([np.arange(b - a) < max(b - a - LAST_FRAMES, 1) for a, b in itertools.pairwise(start)])
-        weight = allowed / allowed.sum()
-        weight = command_weights(self.references.command, weight, self._config.commands, seed)
+        _, drawn = drawn_by_command(self.references.command, allowed, self._config.commands, seed, WINDOWS)
         return StartStates(
             root_pos=self._root_pos,
             root_quat=self._root_quat,
@@ -105,7 +104,7 @@ class ClipTeacher:
             ang_vel_w=self._ang_vel,
             joint_vel=self._joint_vel,
             command=self._label,
-            probability=torch.from_numpy(np.cumsum(weight)).float().to(self._device),
+            drawn=torch.from_numpy(drawn).to(self._device),
             own_command_share=1.0,
         )
 

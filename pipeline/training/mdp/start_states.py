@@ -38,25 +38,24 @@ class StartStates:
     """(t, j) [rad/s]"""
     command: torch.Tensor
     """(t, 3) that each state obeys [m/s, m/s, rad/s]."""
-    probability: torch.Tensor
-    """(t,) cumulative."""
+    drawn: torch.Tensor
+    """(m,) indices of states, as often as episodes begin there."""
     own_command_share: float
     """Episodes that keep the state's command."""
 
     def draw(self, count: int) -> torch.Tensor:
-        """Indices (count,) of states, by their probability."""
-        at = torch.rand(count, device=self.probability.device)
-        return torch.searchsorted(self.probability, at).clamp(max=len(self.probability) - 1)
+        """Indices (count,) of states."""
+        return self.drawn[torch.randint(len(self.drawn), (count,), device=self.drawn.device)]
 
 
 def expert_states(
-    expert: ExpertFrames, weight: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str, own: float
+    expert: ExpertFrames, drawn: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str, own: float
 ) -> StartStates:
     """Start states of expert frames.
 
     Args:
         expert: T frames
-        weight: probability of each (t,)
+        drawn: frames that episodes begin at (m,)
         controlled: indices of the frames' joints in the robot's order (a,)
         default: default joint positions (j,) [rad], for the other joints
         device: where the tensors go
@@ -79,7 +78,7 @@ def expert_states(
         ang_vel_w=quat_apply(quat, frames[:, after + 3 : after + 6]),
         joint_vel=joint_vel,
         command=torch.from_numpy(expert.command).to(device),
-        probability=torch.from_numpy(np.cumsum(weight)).float().to(device),
+        drawn=torch.from_numpy(drawn).to(device),
         own_command_share=own,
     )
 
