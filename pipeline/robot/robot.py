@@ -1,6 +1,7 @@
 """A robot as plain arrays and text, picklable for worker processes; its kinematic tree with forward kinematics."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,6 +13,9 @@ from jaxtyping import Float, Int
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
+
+FRAMES_AT_A_TIME = 160
+"""Frames whose numbers are in the processor's cache together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,12 +48,13 @@ class Tree:
         return found
 
     @cached_property
-    def levels(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        """Links other than the root, by how many joints are between them and the root."""
+    def by_level(self) -> tuple[Int[np.ndarray, " l"], tuple[slice, ...]]:
+        """Links by how many joints are between them and the root, the root first; where those of 1, 2, ... are."""
         depth = np.zeros(len(self.parent), dtype=int)
         for link in range(1, len(depth)):
             depth[link] = depth[self.parent[link]] + 1
-        return tuple(np.flatnonzero(depth == level) for level in range(1, depth.max() + 1))
+        stops = np.cumsum(np.bincount(depth)).tolist()
+        return np.argsort(depth, kind="stable"), tuple(itertools.starmap(slice, itertools.pairwise(stops)))
 
     def joint_axes_root(self) -> Float[np.ndarray, "j 3"]:
         """Axis of each joint in the root frame, all joints at zero, in the robot's joint order."""
@@ -68,20 +73,41 @@ def forward(
 ) -> tuple[Float[np.ndarray, "t l 3"], Float[np.ndarray, "t l 4"]]:
     """Positions [m] and orientations (wxyz) of all links, world frame; joint positions in rad.
 
-    The links of a level are computed as one array of quaternions over links and frames: numpy is fastest on one axis.
+    Parts of quaternions and vectors are arrays (parts, links, frames) meanwhile, of a few frames at a time: numpy is
+    fastest on a few long arrays that are in the processor's cache.
     """
-    frames, moved = len(joint_pos), len(tree.parent) - 1
-    pos, quat = (np.empty((len(tree.parent), *root.shape)) for root in (root_pos_w, root_quat_w))
-    pos[0], quat[0] = root_pos_w, root_quat_w
-    turns = rotation.from_axis_angle(np.repeat(tree.axis[1:], frames, axis=0), joint_pos[:, tree.joint[1:]].T.ravel())
-    in_parent = rotation.multiply(np.repeat(tree.quat[1:], frames, axis=0), turns).reshape(moved, frames, 4)
-    for links in tree.levels:
-        parent = tree.parent[links]
-        above = quat[parent].reshape(-1, 4)
-        from_parent_w = rotation.rotate(above, np.repeat(tree.pos[links], frames, axis=0))
-        pos[links] = pos[parent] + from_parent_w.reshape(len(links), frames, 3)
-        quat[links] = rotation.multiply(above, in_parent[links - 1].reshape(-1, 4)).reshape(len(links), frames, 4)
-    return pos.swapaxes(0, 1).copy(), quat.swapaxes(0, 1).copy()
+    frames, links = len(joint_pos), len(tree.parent)
+    pos_w, quat_w = np.empty((frames, links, 3)), np.empty((frames, links, 4))
+    parts = -(-frames // FRAMES_AT_A_TIME)
+    for start, stop in itertools.pairwise(frames * part // parts for part in range(parts + 1) if parts):
+        few = slice(start, stop)
+        _forward(tree, root_pos_w[few], root_quat_w[few], joint_pos[few], pos_w[few], quat_w[few])
+    return pos_w, quat_w
+
+
+def _forward(
+    tree: Tree,
+    root_pos_w: Float[np.ndarray, "t 3"],
+    root_quat_w: Float[np.ndarray, "t 4"],
+    joint_pos: Float[np.ndarray, "t j"],
+    pos_w: Float[np.ndarray, "t l 3"],
+    quat_w: Float[np.ndarray, "t l 4"],
+) -> None:
+    """`forward` into `pos_w` and `quat_w`; links are in the order of `Tree.by_level`, the root's parent is not used."""
+    order, levels = tree.by_level
+    place = np.argsort(order)
+    parent = place[tree.parent[order]]
+    pos, quat = (np.empty((parts, *quat_w.shape[1::-1])) for parts in (3, 4))
+    pos[:, 0], quat[:, 0] = root_pos_w.T, root_quat_w.T
+    half = joint_pos.T[tree.joint[order]] / 2.0
+    turns = np.concatenate([np.cos(half)[None], np.sin(half) * tree.axis[order].T[:, :, None]])
+    in_parent = rotation.factors(rotation.product(tree.quat[order].T[:, :, None], rotation.factors(turns)))
+    for links in levels:
+        quat[:, links] = rotation.product(quat[:, parent[links]], in_parent[:, :, links])
+    from_parent_w = rotation.rotate_parts(quat[:, parent], tree.pos[order].T[:, :, None])
+    for links in levels:
+        pos[:, links] = pos[:, parent[links]] + from_parent_w[:, links]
+    pos_w[:], quat_w[:] = pos[:, place].transpose(2, 1, 0), quat[:, place].transpose(2, 1, 0)
 
 
 @dataclass(frozen=True, kw_only=True)
