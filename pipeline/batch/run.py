@@ -7,6 +7,7 @@ of an unchanged shard are recalled together: one more clip costs what its own sh
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -146,20 +147,22 @@ def _gather(
     started = last
     for places in _batches(todo):
         jobs_of = {place: parts[place].jobs(keys[place]) for place in places}
-        asked = [job for place in places for job in jobs_of[place] if job.key in todo[place]]
-        worked: dict[str, dict[str, Any]] = {}
-        for job, answer in _worked_on(asked, work, pool, store):
-            worked[job.key] = answer
+        asked = [(place, job) for place in places for job in jobs_of[place] if job.key in todo[place]]
+        left = Counter(place for place, _ in asked)
+        worked: dict[int, dict[str, dict[str, Any]]] = {place: {} for place in places}
+        for place, job, answer in _worked_on(asked, work, pool, store):
+            worked[place][job.key] = answer
+            left[place] -= 1
             done += 1
             if not answer["failed"]:
                 store.remember(job.key, answer, stage.asker)
+            if not left[place]:  # the pool is at work on the next part meanwhile
+                known, jobs = worked.pop(place), jobs_of.pop(place)
+                answers = {job.key: known.get(job.key) or store.recall(job.key, stage.asker) for job in jobs}
+                results[place] = result_of(stage, parts[place].key, jobs, answers, len(todo[place]), store)
             if time.monotonic() - last > PROGRESS_EVERY_S:
                 last = time.monotonic()
                 log.info("%s", progress(stage.name, done, of, last - started))
-        for place in places:
-            jobs = jobs_of[place]
-            answers = {job.key: worked.get(job.key) or store.recall(job.key, stage.asker) for job in jobs}
-            results[place] = result_of(stage, parts[place].key, jobs, answers, len(todo[place]), store)
     found = [result for result in results if result is not None]
     _refuse_double_names(stage.name, (clip for result in found for clip in result.clips))
     own = {stage.settings_digest: {"stage": stage.name, **stage.settings, **stage.depends}}
@@ -205,18 +208,19 @@ def progress(stage: str, done: int, of: int, seconds: float) -> str:
 
 
 def _worked_on(
-    jobs: list[Job], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool, store: Store
-) -> Iterator[tuple[Job, dict[str, Any]]]:
-    """Each job with its answer, as they come; a group of jobs is one call."""
-    groups: dict[str, list[Job]] = {}
-    for job in jobs:
-        groups.setdefault(job.group, []).append(job)
-    calls = [([job.about for job in group],) for group in groups.values()]
+    jobs: list[tuple[int, Job]], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool, store: Store
+) -> Iterator[tuple[int, Job, dict[str, Any]]]:
+    """Each job, behind the place of its part, with its answer, as they come; a group of jobs is one call."""
+    groups: dict[str, list[tuple[int, Job]]] = {}
+    for place, job in jobs:
+        groups.setdefault(job.group, []).append((place, job))
+    calls = [([job.about for _, job in group],) for group in groups.values()]
     found = pool.map(work, calls, shared=store.shared_folders, on_lost=_Lost)
     for group, answers in zip(groups.values(), found, strict=True):
         if isinstance(answers, _Lost):
-            answers = [rejection("failed", f"clip '{job.clip}': {answers.why}", None, failed=True) for job in group]
-        yield from zip(group, answers, strict=True)
+            answers = [rejection("failed", f"clip '{job.clip}': {answers.why}", None, failed=True) for _, job in group]
+        for (place, job), answer in zip(group, answers, strict=True):
+            yield place, job, answer
 
 
 @dataclass(frozen=True)
