@@ -41,18 +41,19 @@ STRICTNESSES = {
 }
 
 
-def stance_labels(human: HumanClip, strictness: Strictness) -> Bool[np.ndarray, "t 2"]:
-    """Frames in stance of the left and right foot: toe low and slow, then a median over time."""
-    width = 2 * round((MEDIAN_S * human.fps - 1.0) / 2.0) + 1
-    columns = []
+def stance_labels(human: HumanClip) -> dict[str, Bool[np.ndarray, "t 2"]]:
+    """Frames in stance of the left and right foot by `STRICTNESSES`: toe low and slow, then a median over time."""
+    half = round((MEDIAN_S * human.fps - 1.0) / 2.0)
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in STRICTNESSES}
     for side in FEET:
         toe_w = human.pos(f"{side}_toe")
         velocity = time_series.derivative(toe_w, human.fps)
-        label = toe_w[:, 2] < np.percentile(toe_w[:, 2], LOW_PERCENTILE) + strictness.height
-        label &= np.linalg.norm(velocity[:, :2], axis=1) < strictness.speed_m_s
-        label &= np.abs(velocity[:, 2]) < VERTICAL_SPEED_M_S
-        columns.append(_median(label, width // 2))
-    return np.stack(columns, axis=1)
+        low = np.percentile(toe_w[:, 2], LOW_PERCENTILE)
+        speed, steady = np.linalg.norm(velocity[:, :2], axis=1), np.abs(velocity[:, 2]) < VERTICAL_SPEED_M_S
+        for name, limits in STRICTNESSES.items():
+            label = (toe_w[:, 2] < low + limits.height) & (speed < limits.speed_m_s) & steady
+            columns[name].append(_median(label, half))
+    return {name: np.stack(labels, axis=1) for name, labels in columns.items()}
 
 
 def _median(label: Bool[np.ndarray, " t"], half: int) -> Bool[np.ndarray, " t"]:

@@ -9,7 +9,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality import retargeting
 from pipeline.quality.sole import inner_contacts
 from pipeline.robot import Kinematics, LinkPoses, Robot
-from pipeline.scoring.align import STRICTNESSES, aligned, stance_labels
+from pipeline.scoring.align import aligned, stance_labels
 from pipeline.scoring.figures import Score
 from pipeline.scoring.pelvis_path import pelvis_path
 from pipeline.simulation.mujoco_plant import self_collision
@@ -68,7 +68,7 @@ def _feet(human: HumanClip, fps: float, kinematics: Kinematics, poses: LinkPoses
     corners_w = kinematics.site_pos_w(poses, (*robot.sole_corners[0], *robot.sole_corners[1]))
     lowest = corners_w[..., 2].reshape(len(corners_w), 2, -1).min(axis=2)
     speed = np.linalg.norm(time_series.derivative(soles_w[..., :2], fps), axis=-1)
-    labels = {name: stance_labels(human, strictness) for name, strictness in STRICTNESSES.items()}
+    labels = stance_labels(human)
     samples = {f"slip_{name}_m_s": speed[inner_contacts(label)] for name, label in labels.items()}
     shift = height_shift(lowest, labels["middle"])
     depth = np.maximum(shift - lowest.min(axis=1), 0.0)
