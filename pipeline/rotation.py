@@ -66,24 +66,25 @@ def rotate(quat: Quats, vector: Vectors) -> Vectors:
 
 
 _AFTER, _LATER = [1, 2, 0], [2, 0, 1]
-"""Axes after x, y, z, and those after these."""
+"""The two axes that a cross product multiplies for each axis."""
 _FACTOR = [[0, 1, 2, 3], [5, 0, 7, 2], [6, 3, 0, 5], [7, 6, 1, 0]]
-"""With what of b, -b part i of a is multiplied for part k of `multiply(a, b)`, at [i][k]."""
+"""At [i][k]: which of the 8 numbers (b, -b) multiplies component i of a in component k of the product."""
 
 
 def factors(b: Float[np.ndarray, "4 ..."]) -> Float[np.ndarray, "4 4 ..."]:
-    """What quaternions, parts first, are as the right factors of `product`."""
+    """Quaternions (4, ...) as right factors of `product`."""
     return np.concatenate([b, -b])[_FACTOR]
 
 
 def product(a: Float[np.ndarray, "4 ..."], b: Float[np.ndarray, "4 4 ..."]) -> Float[np.ndarray, "4 ..."]:
-    """The bits of `multiply`, parts first, of quaternions and the `factors` of others; quicker where they are few."""
+    """`multiply(a, b)`, bit for bit, of quaternions with the component as first axis; b as `factors`. It is faster for
+    short arrays."""
     of_w, of_x, of_y, of_z = a[:, None] * b
     return of_w + of_x + of_y + of_z
 
 
 def rotate_parts(quat: Float[np.ndarray, "4 ..."], vector: Float[np.ndarray, "3 ..."]) -> Float[np.ndarray, "3 ..."]:
-    """The bits of `rotate`, parts first."""
+    """`rotate(quat, vector)`, bit for bit, with the component as first axis."""
     after, later = quat[[2, 3, 1]], quat[[3, 1, 2]]
     twice = 2.0 * (after * vector[_LATER] - later * vector[_AFTER])
     return vector + quat[0] * twice + (after * twice[_LATER] - later * twice[_AFTER])

@@ -156,7 +156,7 @@ def _gather(
             done += 1
             if not answer["failed"]:
                 store.remember(job.key, answer, stage.asker)
-            if not left[place]:  # the pool is at work on the next part meanwhile
+            if not left[place]:  # meanwhile the pool works on the next part
                 known, jobs = worked.pop(place), jobs_of.pop(place)
                 answers = {job.key: known.get(job.key) or store.recall(job.key, stage.asker) for job in jobs}
                 results[place] = result_of(stage, parts[place].key, jobs, answers, len(todo[place]), store)
@@ -164,6 +164,7 @@ def _gather(
                 last = time.monotonic()
                 log.info("%s", progress(stage.name, done, of, last - started))
     found = [result for result in results if result is not None]
+    assert len(found) == len(parts)
     _refuse_double_names(stage.name, (clip for result in found for clip in result.clips))
     own = {stage.settings_digest: {"stage": stage.name, **stage.settings, **stage.depends}}
     return Manifest(
@@ -210,7 +211,7 @@ def progress(stage: str, done: int, of: int, seconds: float) -> str:
 def _worked_on(
     jobs: list[tuple[int, Job]], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool, store: Store
 ) -> Iterator[tuple[int, Job, dict[str, Any]]]:
-    """Each job, behind the place of its part, with its answer, as they come; a group of jobs is one call."""
+    """Place of the part, job and answer of each job, as they come; a group of jobs is one call."""
     groups: dict[str, list[tuple[int, Job]]] = {}
     for place, job in jobs:
         groups.setdefault(job.group, []).append((place, job))

@@ -15,7 +15,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
 
 FRAMES_AT_A_TIME = 160
-"""Frames whose numbers are in the processor's cache together."""
+"""Frames whose arrays fit in the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class Tree:
 
     @cached_property
     def by_level(self) -> tuple[Int[np.ndarray, " l"], tuple[slice, ...]]:
-        """Links by how many joints are between them and the root, the root first; where those of 1, 2, ... are."""
+        """Links in the order of their depth (joints to the root), and where depths 1, 2, ... are in that order."""
         depth = np.zeros(len(self.parent), dtype=int)
         for link in range(1, len(depth)):
             depth[link] = depth[self.parent[link]] + 1
@@ -73,8 +73,8 @@ def forward(
 ) -> tuple[Float[np.ndarray, "t l 3"], Float[np.ndarray, "t l 4"]]:
     """Positions [m] and orientations (wxyz) of all links, world frame; joint positions in rad.
 
-    Parts of quaternions and vectors are arrays (parts, links, frames) meanwhile, of a few frames at a time: numpy is
-    fastest on a few long arrays that are in the processor's cache.
+    Computed on arrays (component, link, frame), FRAMES_AT_A_TIME frames at a time: numpy is fastest on long arrays that
+    fit in the processor's cache.
     """
     frames, links = len(joint_pos), len(tree.parent)
     pos_w, quat_w = np.empty((frames, links, 3)), np.empty((frames, links, 4))
@@ -93,7 +93,7 @@ def _forward(
     pos_w: Float[np.ndarray, "t l 3"],
     quat_w: Float[np.ndarray, "t l 4"],
 ) -> None:
-    """`forward` into `pos_w` and `quat_w`; links are in the order of `Tree.by_level`, the root's parent is not used."""
+    """Write the result of `forward` into `pos_w` and `quat_w`; inside, links are in the order of `Tree.by_level`."""
     order, levels = tree.by_level
     place = np.argsort(order)
     parent = place[tree.parent[order]]
