@@ -99,7 +99,8 @@ def _forward(
     parent = place[tree.parent[order]]
     pos, quat = (np.empty((parts, *quat_w.shape[1::-1])) for parts in (3, 4))
     pos[:, 0], quat[:, 0] = root_pos_w.T, root_quat_w.T
-    half = joint_pos.T[tree.joint[order]] / 2.0
+    half = np.zeros(quat.shape[1:])
+    half[1:] = joint_pos.T[tree.joint[order[1:]]] / 2.0
     turns = np.concatenate([np.cos(half)[None], np.sin(half) * tree.axis[order].T[:, :, None]])
     in_parent = rotation.factors(rotation.product(tree.quat[order].T[:, :, None], rotation.factors(turns)))
     for links in levels:

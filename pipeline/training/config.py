@@ -14,8 +14,7 @@ PAPER_TEXT = "paper"
 BARS = "data/validation.yaml"
 """Source of values that follow from the bars of the validation suite."""
 AFTER_CHANGE_S = 1.0
-"""The discriminator reads no window for so long after a push began or a command was drawn [s]: no clip shows how the
-policy answers."""
+"""The discriminator reads no window for so long after a push or, if it reads commands, a new command [s]."""
 
 
 def option(
@@ -138,7 +137,7 @@ class PushesConfig:
     """Pushes; two numbers are the largest one before and after the disturbances' ramp."""
 
     interval_s: tuple[float, float] = option(
-        (8.0, 16.0), "time between pushes", "s", "twice as many did not help; paper: 4 to 8", 0.02, 1000.0
+        (8.0, 16.0), "time between pushes", "s", "more did not help; paper: 4 to 8", 0.02, 1000.0
     )
     kick_m_s: tuple[float, float] = option(
         (0.0, 1.8),

@@ -31,7 +31,6 @@ from pipeline.training.terrain import ROUGHNESS_M
 VELOCITY_STEPS = 8
 """Velocities are recorded every so many steps."""
 AFTER_CHANGE_STEPS = round(AFTER_CHANGE_S * FPS)
-"""Control steps after a push began in which windows are not valid."""
 
 
 @runtime_checkable
@@ -182,7 +181,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     def step(self, action: torch.Tensor):
         """mjlab's step in parts that a GPU replays; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows
-        within one episode and not soon after a push or a new command.
+        within one episode, not soon after a push and, by command, after a new command.
 
         Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations read links as they were
         a physics step ago. Observations are the caller's; all else that is returned is overwritten by the next step.
@@ -253,8 +252,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
         self.extras["motion"] = self._motion
         whole, quiet = self.episode_length_buf >= self._motion.shape[1], self.steps_since_push >= AFTER_CHANGE_STEPS
-        settled = self.velocity_command.age >= AFTER_CHANGE_S
-        self.extras["motion_valid"] = whole & quiet & settled
+        self.extras["motion_valid"] = whole & quiet
+        if self._with_command:
+            constant = (self._motion[:, 0, -3:] == self.command).all(dim=1)
+            self.extras["motion_valid"] &= constant & (self.velocity_command.age >= AFTER_CHANGE_S)
         self.record.add(self)
 
     def _note_velocity(self) -> None:

@@ -2,7 +2,7 @@
 
     python -m pipeline.training.style_distance --bundle DIR POLICY.npz ... [--seeds N]
 
-Both are windows of four frames .06 s apart of the features that the discriminator sees (`motion_features.py`), divided
+Both are windows of four frames .06 s apart of motion features (`amp/features.py`), divided
 by the standard deviations of all expert frames. The distance of two sets of windows is their energy distance (Székely
 and Rizzo 2013), sqrt(2 E|x - y| - E|x - x'| - E|y - y'|), lengths by the root of the number of features: 0 for equal
 distributions, sqrt(2 d) for two points d standard deviations apart in every feature. The expert's own is that between

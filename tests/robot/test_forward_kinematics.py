@@ -5,7 +5,7 @@ import pytest
 
 from pipeline import rotation
 from pipeline.project import PROJECT
-from pipeline.robot.robot import FRAMES_AT_A_TIME, Robot, forward
+from pipeline.robot.robot import FRAMES_AT_A_TIME, Robot, Tree, forward
 
 
 def _poses(robot: Robot, frames: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -38,3 +38,20 @@ def test_frames_do_not_depend_on_how_many_there_are(frames):
     alone = [forward(robot.tree, *(each[frame : frame + 1] for each in poses)) for frame in range(frames)]
     for own, parts in zip(found, zip(*alone, strict=True), strict=False):
         assert own.tobytes() == np.concatenate(parts).tobytes()
+
+
+def test_a_tree_of_one_link_is_its_root():
+    none = np.zeros((1, 0))
+    tree = Tree(
+        link_names=("Trunk",),
+        site_names=(),
+        site_link=np.zeros(0, dtype=int),
+        site_pos=np.zeros((0, 3)),
+        parent=np.array([-1]),
+        joint=np.array([-1]),
+        axis=np.zeros((1, 3)),
+        pos=np.zeros((1, 3)),
+        quat=np.array([[1.0, 0.0, 0.0, 0.0]]),
+    )
+    pos_w, quat_w = forward(tree, np.array([[1.0, 2.0, 3.0]]), np.array([[0.0, 1.0, 0.0, 0.0]]), none)
+    assert pos_w.tolist() == [[[1.0, 2.0, 3.0]]] and quat_w.tolist() == [[[0.0, 1.0, 0.0, 0.0]]]

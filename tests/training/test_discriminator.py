@@ -126,7 +126,7 @@ def test_frames_without_weight_answer_no_command(expert):
     assert drawn.min() >= 30
 
 
-def test_a_window_drawn_by_command_is_of_the_nearest_cell_or_keeps_its_own_command(expert):
+def test_a_window_is_of_the_nearest_cell_or_keeps_its_own_command(expert):
     config = RECIPE.changed({**SMALL, "commands.fast_share": 0.3})
     windows = expert_windows(expert, config, torch.arange(SIZE), seed=0)
     assert windows.shape == (1000, 4, SIZE + 3)

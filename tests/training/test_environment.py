@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 import mujoco
@@ -20,6 +21,7 @@ from pipeline.training.amp.symmetry import Mirror, augment
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
 from pipeline.training.environment import AmpEnvironment
+from pipeline.training.mdp.commands import SLEW
 from pipeline.training.mdp.start_states import expert_states
 from tests.factories.robot_clips import wandering
 from tests.factories.training_bundle import small_bundle
@@ -60,8 +62,7 @@ def put(env, frames: np.ndarray) -> None:
     expert = ExpertFrames(
         frames=frames, command=np.zeros((4, 3), np.float32), clip_start=np.array([0, 4]), clip_weight=np.ones(1)
     )
-    weight = np.full(4, 0.25)
-    states = expert_states(expert, weight, facts.index(facts.controlled), facts.default_joint_pos, "cpu", 0.0)
+    states = expert_states(expert, np.arange(4), facts.index(facts.controlled), facts.default_joint_pos, "cpu", 0.0)
     ang_vel_b = quat_apply_inverse(states.root_quat, states.ang_vel_w)
     env.sim.data.qpos[:] = torch.cat([states.root_pos, states.root_quat, states.joint_pos], dim=1)
     env.sim.data.qvel[:] = torch.cat([states.lin_vel_w, ang_vel_b, states.joint_vel], dim=1)
@@ -153,17 +154,25 @@ def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
     assert not extras["motion_valid"][0]
 
 
-def test_windows_are_not_valid_for_a_second_after_a_new_command(env):
+@pytest.mark.parametrize("rate", [math.inf, SLEW])
+def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, rate):
     env.reset()
-    steps = round(AFTER_CHANGE_S / env.step_dt)
-    span = env._motion.shape[1]
+    span, steps, seen = env._motion.shape[1], round(AFTER_CHANGE_S / env.step_dt), []
     env.episode_length_buf.fill_(span)
+    rates = env.velocity_command._rate.clone()
+    env.velocity_command._rate.fill_(rate)
     env.velocity_command.time_left.fill_(1e-3)
-    read = []
-    for step in range(1, steps + 2):
+    read = 0
+    for step in range(1, 4 * steps):
         *_, extras = env.step(torch.zeros(ENVS, 21))
-        read.append(extras["motion_valid"][env.episode_length_buf == span + step].tolist())
-    assert not any(any(each) for each in read[: steps - 1]) and read[-1] and all(read[-1])
+        seen.append(env.command.clone())
+        kept = env.episode_length_buf == span + step
+        constant = torch.stack([(each == seen[-1]).all(dim=1) for each in seen[-span:]]).all(dim=0)
+        if step != steps:  # the age is a sum of rounded steps
+            assert torch.equal(extras["motion_valid"][kept], (constant & (step > steps))[kept])
+        read += int(extras["motion_valid"][kept].sum())
+    env.velocity_command._rate.copy_(rates)
+    assert read > 0
 
 
 def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):

@@ -14,7 +14,7 @@ from pipeline.training.mdp.commands import draw_commands
 CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
 OWN = 0.4
-"""Windows labelled with their own command; of the policy, that many obey the command of the frame they began at."""
+"""Expert windows that keep their own command; about that share of the policy's keep their start frame's."""
 WINDOWS = 200_000
 """Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 
@@ -35,9 +35,9 @@ def frame_weights(expert: ExpertFrames, starts: np.ndarray) -> np.ndarray:
 def drawn_by_command(
     command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Commands as the policy gets them, and a frame that answers each.
+    """Commands as the policy gets them, each with an expert frame.
 
-    A command's frames are those of the nearest cell that has any; there the weights decide.
+    The frame is drawn by weight from the nearest command cell that has frames.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]

@@ -12,7 +12,7 @@ FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint
 """Least standard deviation [rad, m, m/s, rad/s, rad/s] that features are divided by: features that hardly move in the
 data must not outweigh all others."""
 COMMAND_FLOOR = 0.2
-"""The same of a command beside the features [m/s, rad/s]."""
+"""Least standard deviation of a command that the discriminator reads [m/s, rad/s]."""
 CLIP = 10.0
 """Normalized features are clipped here."""
 LEG_PARTS = ("Hip", "Knee", "Ankle")

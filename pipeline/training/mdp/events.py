@@ -59,7 +59,7 @@ class Slopes:
 
 
 class PushTimer:
-    """Times and directions of one kind of push, in the unit of its largest.
+    """Times and directions of one kind of push, in the unit of its largest; times go on when an episode ends.
 
     `scale` is the factor from the T1, which the largest ones are given for, to the robot.
     """
@@ -68,8 +68,7 @@ class PushTimer:
         self._env, self._span = env, config.interval_s
         self._largest = (scale * largest[0], scale * largest[1])
         self._left_s = torch.zeros(env.num_envs, device=env.device)
-        self.restart(torch.ones(env.num_envs, dtype=torch.bool, device=env.device))
-        env.restarts.append(self.restart)
+        self._draw(torch.ones(env.num_envs, dtype=torch.bool, device=env.device))
 
     def due(self) -> tuple[torch.Tensor, torch.Tensor]:
         """A control step later: whether a push begins (n,), and the push in the world (n, 3)."""
@@ -78,11 +77,11 @@ class PushTimer:
         low, high = self._largest
         push_w = horizontal(len(begins), begins.device) * (low + (high - low) * self._env.disturbance)
         replace(self._env.steps_since_push, begins, 0)
-        self.restart(begins)
+        self._draw(begins)
         return begins, push_w
 
-    def restart(self, mask: torch.Tensor) -> None:
-        """Draw the time of the next push of some environments (n,)."""
+    def _draw(self, mask: torch.Tensor) -> None:
+        """Draw the time to the next push of some environments (n,)."""
         low, high = self._span
         replace(self._left_s, mask, low + (high - low) * torch.rand_like(self._left_s))
 

@@ -39,7 +39,7 @@ class StartStates:
     command: torch.Tensor
     """(t, 3) that each state obeys [m/s, m/s, rad/s]."""
     drawn: torch.Tensor
-    """(m,) indices of states, as often as episodes begin there."""
+    """(m,) indices of states; an episode begins at one of them, drawn uniformly."""
     own_command_share: float
     """Episodes that keep the state's command."""
 
