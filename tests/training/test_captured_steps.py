@@ -235,6 +235,10 @@ def _advance_before_terminations(env: AmpEnvironment) -> None:
     env.termination_manager.compute = advanced
 
 
+NEVER_DRAWN = 77
+"""More than any state that is drawn at the start of an episode, such as a delay of up to 8 physics steps."""
+
+
 def test_an_episode_begins_only_where_one_ended(env: AmpEnvironment):
     """Everything that a term keeps of an episode is another, or as at the start of one, and no other is touched."""
     torch.manual_seed(11)
@@ -246,8 +250,10 @@ def test_an_episode_begins_only_where_one_ended(env: AmpEnvironment):
     ended = lives[:2].tolist()
     others = [number for number in range(ENVS) if number not in ended]
     for value in _kept(env).values():
-        value[:] = 7
+        value[:] = NEVER_DRAWN
     env.ended_steps[:] = 5
+    timers = [push._timer for push in _pushes(env)]
+    left = [timer._left_s.clone() for timer in timers]
     before = {name: value.clone() for name, value in (_states(env) | _kept(env)).items()}
     env._reset_idx(torch.tensor(ended))
     for name, value in (_states(env) | _kept(env)).items():
@@ -255,7 +261,9 @@ def test_an_episode_begins_only_where_one_ended(env: AmpEnvironment):
         for number in ended:
             assert not torch.equal(value[number], before[name][number]), name
     assert (env.episode_length_buf[ended] == 0).all()
-    assert (env.ended_steps[ended] == 7).all()
+    assert (env.ended_steps[ended] == NEVER_DRAWN).all()
+    for timer, left_s in zip(timers, left, strict=True):
+        assert torch.equal(timer._left_s, left_s), "pushes keep their times across episodes"
     height = env.sim.data.qpos[ended, 2]
     assert ((height > 0.5) & (height < 0.9)).all()
 
@@ -271,14 +279,17 @@ def _states(env: AmpEnvironment) -> dict[str, torch.Tensor]:
     }
 
 
+def _pushes(env: AmpEnvironment) -> list:
+    return [env.event_manager.get_term_cfg(name).func for name in ("push", "kick") if name in env.cfg.events]
+
+
 def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
     """What may be set to anything before, and is not that after."""
     action = env.action_manager.get_term("joints")
     terms = [env.observation_manager.get_term_cfg("actor", "history").func, action]
     if "stalled" in env.termination_manager.active_terms:
         terms.append(env.termination_manager.get_term_cfg("stalled").func)
-    pushes = [env.event_manager.get_term_cfg(name).func for name in ("push", "kick") if name in env.cfg.events]
-    terms += [*pushes, *(push._timer for push in pushes)]
+    terms += _pushes(env)
     named = ["_frames", "_raw", "_target", "_before", "_seconds", "_left_s"]
     named += ["_lag"] if env.context.config.randomization.delay_s else []
     found = {
