@@ -16,9 +16,12 @@ from tests.factories.training_bundle import small_bundle
 
 
 def amp_stage(tmp_path, root, robot) -> AmpStage:
-    """A stage of four environments whose normalizer is fixed; otherwise it moves between steps, and ratios with it."""
+    """A stage of four environments whose normalizer is fixed; otherwise it moves between steps, and ratios with it.
+
+    The deviation is so large that no mirror image of a random network's action is dropped as improbable.
+    """
     bundle = read_bundle(small_bundle(tmp_path, root, robot))
-    config = RECIPE.changed({"simulation.num_envs": 4})
+    config = RECIPE.changed({"simulation.num_envs": 4, "ppo.init_std": 0.5})
     request = Request(out=tmp_path, preset="recipe", config=config, device="cpu", seed=1, physics="plain")
     stage = AmpStage(bundle, request, tmp_path / "amp")
     stage.algorithm.get_policy().obs_normalizer.count.fill_(FROZEN)
