@@ -16,8 +16,8 @@ from pathlib import Path
 
 import psutil
 
-PERIOD_S = 0.1
-LIST_EVERY_S = 0.5
+PERIOD_S = 0.05
+LIST_EVERY_S = 0.1
 """How often the processes below the main one are listed: that takes longer than sampling them."""
 MB = 1e6
 
