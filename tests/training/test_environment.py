@@ -52,6 +52,14 @@ def env(bundle):
     return env
 
 
+@pytest.fixture
+def rate(env):
+    """Rate of change of commands (n, 1) [1/s^2], as before after the test."""
+    before = env.velocity_command._rate.clone()
+    yield env.velocity_command._rate
+    env.velocity_command._rate.copy_(before)
+
+
 def wandering_frames(robot) -> np.ndarray:
     return expert_frames(wandering(robot), robot)[[5, 30, 60, 90]].astype(np.float32)
 
@@ -141,7 +149,8 @@ def test_motors_are_held_by_their_limits(env):
     assert (torque.abs() > 0.9 * env.effort_limit).any()
 
 
-def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
+def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env, rate):
+    rate.fill_(math.inf)
     env.reset()
     span = env._motion.shape[1]
     env.velocity_command.age.fill_(AFTER_CHANGE_S)
@@ -154,13 +163,12 @@ def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
     assert not extras["motion_valid"][0]
 
 
-@pytest.mark.parametrize("rate", [math.inf, SLEW])
-def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, rate):
+@pytest.mark.parametrize("size", [math.inf, SLEW])
+def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, rate, size):
+    rate.fill_(size)
     env.reset()
     span, steps, seen = env._motion.shape[1], round(AFTER_CHANGE_S / env.step_dt), []
     env.episode_length_buf.fill_(span)
-    rates = env.velocity_command._rate.clone()
-    env.velocity_command._rate.fill_(rate)
     env.velocity_command.time_left.fill_(1e-3)
     read = 0
     for step in range(1, 4 * steps):
@@ -171,8 +179,19 @@ def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, ra
         if step != steps:  # the age is a sum of rounded steps
             assert torch.equal(extras["motion_valid"][kept], (constant & (step > steps))[kept])
         read += int(extras["motion_valid"][kept].sum())
-    env.velocity_command._rate.copy_(rates)
     assert read > 0
+
+
+def test_without_commands_a_new_command_makes_no_window_invalid(bundle):
+    env = AmpEnvironment(bundle, RECIPE.changed({**QUIET, "discriminator.by_command": False}), "cpu", seed=1)
+    env.reset()
+    steps = env._motion.shape[1] + 1
+    for _ in range(steps):
+        *_, extras = env.step(torch.zeros(ENVS, 21))
+        assert (env.velocity_command.age < AFTER_CHANGE_S).all()
+    whole = env.episode_length_buf == steps
+    assert whole.any() and extras["motion_valid"][whole].all()
+    assert extras["motion"].shape[2] == len(env.columns)
 
 
 def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
