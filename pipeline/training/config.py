@@ -94,7 +94,7 @@ class RewardsConfig:
     stand_still: float = option(
         -1.0, "feet off the ground at the command to stand", "1/s", f"{BARS}: no step", most=0.0
     )
-    power: float = option(-0.015, "mechanical power of the joints", "1/J", "power of the references", most=0.0)
+    power: float = option(-0.018, "mechanical power of the joints", "1/J", "power of the references", most=0.0)
     feet_slide: float = option(-2.0, "slip of feet in contact", "1/m", "paper: -0.25", most=0.0)
     saturation: float = option(
         -3.0, "torque beyond 0.85 of what a motor can give", "1/s", f"{BARS}: saturation", most=0.0
@@ -137,7 +137,7 @@ class PushesConfig:
     """Pushes; two numbers are the largest one before and after the disturbances' ramp."""
 
     interval_s: tuple[float, float] = option(
-        (8.0, 16.0), "time between pushes", "s", "more did not help; paper: 4 to 8", 0.02, 1000.0
+        (6.0, 12.0), "time between pushes", "s", "every 10 to 20 s cost survival; paper: 4 to 8", 0.02, 1000.0
     )
     kick_m_s: tuple[float, float] = option(
         (0.0, 1.8),
@@ -167,7 +167,7 @@ class DiscriminatorConfig:
         "all", "features of a frame", "word", "with `legs` the arms left the clips' style", words=("all", "legs")
     )
     frames: int = option(10, "consecutive control steps in a window", "count", "paper: 4", 2, 50)
-    learning_rate: float = option(1e-4, "learning rate of Adam", "-", PAPER_TEXT, 1e-7, 1e-1)
+    learning_rate: float = option(3e-5, "learning rate of Adam", "-", "D apart; paper: 1e-4", 1e-7, 1e-1)
     gradient_penalty: float = option(20.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)
     updates: int = option(8, "most gradient steps an iteration", "count", "twice PPO's mini-batches", 1, 100)
     target_accuracy: float = share(
@@ -191,11 +191,9 @@ class PpoConfig:
     entropy: float = option(0.002, "weight of the entropy", "-", "paper: 0.005", 0.0, 1.0)
     desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
-    init_std: float = option(
-        0.25, "deviation of the actions at the start", "-", "clips' cadence; paper: 0.6", 1e-3, 3.0
-    )
+    init_std: float = option(0.2, "deviation of the actions at the start", "-", "clips' cadence; paper: 0.6", 1e-3, 3.0)
     final_std: float = share(
-        0.4, "largest deviation at the end, by that at the start", source="exploration quickens steps"
+        0.5, "largest deviation at the end, by that at the start", source="exploration quickens steps"
     )
 
 
@@ -329,6 +327,7 @@ PAPER = RECIPE.changed(
         "discriminator.style": 0.3,
         "discriminator.loss": "wasserstein",
         "discriminator.frames": 4,
+        "discriminator.learning_rate": 1e-4,
         "discriminator.gradient_penalty": 10.0,
         "discriminator.target_accuracy": 1.0,
         "discriminator.by_command": False,

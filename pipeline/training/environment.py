@@ -13,7 +13,7 @@ from mjlab.envs import ManagerBasedRlEnv
 
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
-from pipeline.training.amp.expert import drawn_frames
+from pipeline.training.amp.expert import OWN_STARTS, drawn_frames
 from pipeline.training.amp.features import chosen_features, state_features
 from pipeline.training.bundle import FPS, Bundle
 from pipeline.training.captured import Captured
@@ -24,7 +24,7 @@ from pipeline.training.masks import members, replace
 from pipeline.training.mdp.commands import VelocityCommand
 from pipeline.training.mdp.events import Slopes
 from pipeline.training.mdp.observations import LARGEST
-from pipeline.training.mdp.start_states import OWN_COMMAND_SHARE, StartStates, expert_states, write_starts
+from pipeline.training.mdp.start_states import StartStates, expert_states, write_starts
 from pipeline.training.robot_state import RobotState
 from pipeline.training.terrain import ROUGHNESS_M
 
@@ -140,9 +140,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
     @staticmethod
     def _expert_starts(bundle: Bundle, config: Config, device: str, seed: int) -> StartStates:
         expert, robot = bundle.expert, bundle.robot
-        drawn, _ = drawn_frames(expert, np.arange(len(expert.frames)), config, seed)
-        own = OWN_COMMAND_SHARE if config.discriminator.by_command else 0.0
-        return expert_states(expert, drawn, robot.index(robot.controlled), robot.default_joint_pos, device, own)
+        drawn, _, kept = drawn_frames(expert, np.arange(len(expert.frames)), config, seed, OWN_STARTS)
+        return expert_states(expert, drawn, kept, robot.index(robot.controlled), robot.default_joint_pos, device)
 
     def load_managers(self) -> None:
         """mjlab's managers; the state that their terms read exists before them."""

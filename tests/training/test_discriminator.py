@@ -114,15 +114,27 @@ def test_by_command_frames_are_as_frequent_as_the_policys_commands(expert):
     changed = {"standing_share": 0.9, "fast_share": 0.1, "single_axis_share": 0.0}
     config = RECIPE.changed({f"commands.{name}": value for name, value in changed.items()}).commands
     given = expert.command[starts], frame_weights(expert, starts), config
-    command, drawn = drawn_by_command(*given, seed=0, count=5000)
-    assert (starts[drawn] < 30).mean() == pytest.approx(0.9, abs=0.02)
-    again = drawn_by_command(*given, seed=0, count=5000)
-    assert np.array_equal(command, again[0]) and np.array_equal(drawn, again[1])
+    drawn, command, kept = drawn_by_command(*given, seed=0, count=5000, own=0.0)
+    assert (starts[drawn] < 30).mean() == pytest.approx(0.9, abs=0.02) and not kept.any()
+    again = drawn_by_command(*given, seed=0, count=5000, own=0.0)
+    assert np.array_equal(drawn, again[0]) and np.array_equal(command, again[1])
+
+
+def test_frames_that_keep_their_command_are_as_frequent_as_their_weight(expert):
+    """So what the database weighs more is trained more, whatever commands the policy gets."""
+    starts = window_starts(expert, 7)
+    config = RECIPE.changed({"commands.standing_share": 0.55, "commands.fast_share": 0.0}).commands
+    given = expert.command[starts], frame_weights(expert, starts), config
+    drawn, command, kept = drawn_by_command(*given, seed=0, count=5000, own=0.5)
+    assert kept.mean() == pytest.approx(0.5, abs=0.03)
+    assert (starts[drawn[kept]] >= 30).mean() == pytest.approx(0.75, abs=0.03)
+    assert np.array_equal(command[kept], expert.command[starts[drawn[kept]]])
+    assert (starts[drawn[~kept]] >= 30).mean() < 0.4
 
 
 def test_frames_without_weight_answer_no_command(expert):
     weight = np.concatenate([np.zeros(30), np.full(20, 0.05)])
-    _, drawn = drawn_by_command(expert.command, weight, RECIPE.commands, seed=0, count=500)
+    drawn, *_ = drawn_by_command(expert.command, weight, RECIPE.commands, seed=0, count=500, own=0.5)
     assert drawn.min() >= 30
 
 

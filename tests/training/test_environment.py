@@ -70,7 +70,8 @@ def put(env, frames: np.ndarray) -> None:
     expert = ExpertFrames(
         frames=frames, command=np.zeros((4, 3), np.float32), clip_start=np.array([0, 4]), clip_weight=np.ones(1)
     )
-    states = expert_states(expert, np.arange(4), facts.index(facts.controlled), facts.default_joint_pos, "cpu", 0.0)
+    index, none = facts.index(facts.controlled), np.zeros(4, dtype=bool)
+    states = expert_states(expert, np.arange(4), none, index, facts.default_joint_pos, "cpu")
     ang_vel_b = quat_apply_inverse(states.root_quat, states.ang_vel_w)
     env.sim.data.qpos[:] = torch.cat([states.root_pos, states.root_quat, states.joint_pos], dim=1)
     env.sim.data.qvel[:] = torch.cat([states.lin_vel_w, ang_vel_b, states.joint_vel], dim=1)

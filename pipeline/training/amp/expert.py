@@ -13,8 +13,8 @@ from pipeline.training.mdp.commands import draw_commands
 
 CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
-OWN = 0.4
-"""Expert windows that keep their own command; about that share of the policy's keep their start frame's."""
+OWN, OWN_STARTS = 0.4, 0.5
+"""Windows and start frames drawn by weight, with their own command; then so are about 0.4 of the policy's windows."""
 WINDOWS = 200_000
 """Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 
@@ -33,11 +33,11 @@ def frame_weights(expert: ExpertFrames, starts: np.ndarray) -> np.ndarray:
 
 
 def drawn_by_command(
-    command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Commands as the policy gets them, each with an expert frame.
+    command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int, count: int, own: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Expert frames, each with a command: its own, or one as the policy gets them.
 
-    The frame is drawn by weight from the nearest command cell that has frames.
+    The first are drawn by weight alone, the others by weight from the command's nearest cell that has frames.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]
@@ -45,36 +45,39 @@ def drawn_by_command(
         config: the policy's commands
         seed: of everything random
         count: how many are drawn
+        own: share of frames with their own command
 
     Returns:
-        Commands (count, 3), of which a share OWN are the frame's own, and indices of frames (count,).
+        Indices of frames (count,), their commands (count, 3), and whether it is the frame's own (count,).
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         wanted = draw_commands(count, config, "cpu").numpy()
     known = np.flatnonzero(weight > 0.0)
     cells, member = np.unique(np.round(command[known] / CELL).astype(int), axis=0, return_inverse=True)
-    nearest = cKDTree(cells).query(wanted / CELL)[1]
-    rng, drawn = np.random.default_rng(seed), np.zeros(count, dtype=int)
+    nearest, rng = cKDTree(cells).query(wanted / CELL)[1], np.random.default_rng(seed)
+    kept, drawn = rng.random(count) < own, rng.choice(len(weight), count, p=weight / weight.sum())
     for cell in np.unique(nearest):
-        inside, asked = known[member.ravel() == cell], nearest == cell
+        inside, asked = known[member.ravel() == cell], (nearest == cell) & ~kept
         drawn[asked] = rng.choice(inside, asked.sum(), p=weight[inside] / weight[inside].sum())
-    return np.where(rng.random((count, 1)) < OWN, command[drawn], wanted).astype(np.float32), drawn
+    return drawn, np.where(kept[:, None], command[drawn], wanted).astype(np.float32), kept
 
 
-def drawn_frames(expert: ExpertFrames, starts: np.ndarray, config: Config, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frames (n,) among the starts, and the commands that the discriminator reads with them (n, 3), else (n, 0)."""
+def drawn_frames(
+    expert: ExpertFrames, starts: np.ndarray, config: Config, seed: int, own: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frames (n,) among the starts, the commands that the discriminator reads with them (n, 3), else (n, 0), and
+    whether those are the frames' own (n,)."""
     count, weight = min(WINDOWS, max(1000, 50 * config.simulation.num_envs)), frame_weights(expert, starts)
-    if config.discriminator.by_command:
-        command, drawn = drawn_by_command(expert.command[starts], weight, config.commands, seed, count)
-        return starts[drawn], command
-    return np.random.default_rng(seed).choice(starts, count, p=weight), np.zeros((count, 0), dtype=np.float32)
+    read, known = config.discriminator.by_command, expert.command[starts]
+    drawn, command, kept = drawn_by_command(known, weight, config.commands, seed, count, own if read else 1.0)
+    return starts[drawn], command if read else command[:, :0], kept & read
 
 
 def expert_windows(expert: ExpertFrames, config: Config, columns: torch.Tensor, seed: int) -> torch.Tensor:
     """Windows (n, h, f) of the columns and, by command, of the command; each is of one clip."""
     length = config.discriminator.frames
-    first, command = drawn_frames(expert, window_starts(expert, length), config, seed)
+    first, command, _ = drawn_frames(expert, window_starts(expert, length), config, seed, OWN)
     known = frame_features(torch.from_numpy(expert.frames))[:, columns]
     motion = known[torch.from_numpy(first[:, None] + np.arange(length))]
     return torch.cat([motion, torch.from_numpy(command)[:, None].expand(-1, length, -1)], dim=2)

@@ -95,7 +95,7 @@ class ClipTeacher:
         """States that episodes begin at, such that labels are distributed as the policy's commands."""
         start = self.references.clip_start
         allowed = np.concatenate([np.arange(b - a) < max(b - a - LAST_FRAMES, 1) for a, b in itertools.pairwise(start)])
-        _, drawn = drawn_by_command(self.references.command, allowed, self._config.commands, seed, WINDOWS)
+        drawn, *_ = drawn_by_command(self.references.command, allowed, self._config.commands, seed, WINDOWS, 0.0)
         return StartStates(
             root_pos=self._root_pos,
             root_quat=self._root_quat,
@@ -105,7 +105,7 @@ class ClipTeacher:
             joint_vel=self._joint_vel,
             command=self._label,
             drawn=torch.from_numpy(drawn).to(self._device),
-            own_command_share=1.0,
+            kept=torch.ones(len(drawn), device=self._device),
         )
 
     def begin(self, env, mask: torch.Tensor, frame: torch.Tensor, turn: torch.Tensor) -> None:

@@ -22,8 +22,8 @@ from pipeline.training.rotors import rotors_on_links
 
 FORCE_S = 0.1
 """Duration of a push by a force [s]."""
-SMALLEST_PUSH = 0.2
-"""Of the largest one."""
+SMALLEST_PUSH = 0.5
+"""Of the largest one; smaller ones teach little."""
 SLOPED_SHARE = 1.0 / 3.0
 """Environments on a slope."""
 ROTOR_LEVELS = 5

@@ -16,8 +16,6 @@ JOINT_NOISE = 0.02
 """[rad]"""
 SPEED_NOISE = 0.2
 """Of the base near the default pose [m/s, rad/s]."""
-OWN_COMMAND_SHARE = 0.8
-"""Episodes at a frame that keep the frame's command, where start frames are drawn by command."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,26 +38,27 @@ class StartStates:
     """(t, 3) that each state obeys [m/s, m/s, rad/s]."""
     drawn: torch.Tensor
     """(m,) indices of states; an episode begins at one of them, drawn uniformly."""
-    own_command_share: float
-    """Episodes that keep the state's command."""
+    kept: torch.Tensor
+    """(m,) 1 where an episode keeps the state's command, else 0; of numbers, as a GPU waits where a mask is indexed."""
 
-    def draw(self, count: int) -> torch.Tensor:
-        """Indices (count,) of states."""
-        return self.drawn[torch.randint(len(self.drawn), (count,), device=self.drawn.device)]
+    def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Indices (count,) of states, and whether the state's command is kept (count,)."""
+        at = torch.randint(len(self.drawn), (count,), device=self.drawn.device)
+        return self.drawn[at], self.kept[at] > 0
 
 
 def expert_states(
-    expert: ExpertFrames, drawn: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str, own: float
+    expert: ExpertFrames, drawn: np.ndarray, kept: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str
 ) -> StartStates:
     """Start states of expert frames.
 
     Args:
         expert: T frames
         drawn: frames that episodes begin at (m,)
+        kept: whether an episode there keeps the frame's command (m,)
         controlled: indices of the frames' joints in the robot's order (a,)
         default: default joint positions (j,) [rad], for the other joints
         device: where the tensors go
-        own: `StartStates.own_command_share`
     """
     frames, count = torch.from_numpy(expert.frames).to(device), len(controlled)
     after = 7 + count + 12
@@ -79,7 +78,7 @@ def expert_states(
         joint_vel=joint_vel,
         command=torch.from_numpy(expert.command).to(device),
         drawn=torch.from_numpy(drawn).to(device),
-        own_command_share=own,
+        kept=torch.from_numpy(kept).long().to(device),
     )
 
 
@@ -90,7 +89,7 @@ def write_starts(env, mask: torch.Tensor) -> None:
     """
     starts: StartStates = env.context.starts
     count, device = env.num_envs, env.device
-    at = starts.draw(count)
+    at, kept = starts.draw(count)
     home = (torch.rand(count, device=device) >= env.context.config.simulation.reference_share)[:, None]
     if env.teacher is not None:
         home = torch.zeros_like(home)
@@ -114,8 +113,7 @@ def write_starts(env, mask: torch.Tensor) -> None:
     replace(data.qpos[:], mask, torch.cat([pos + env.scene.env_origins, quat, joints], dim=1))
     replace(data.qvel[:], mask, torch.cat([lin_vel_w, quat_apply_inverse(quat, ang_vel_w), joint_vel], dim=1))
     env.robot_state.restart(mask)
-    keeps = ~home & (torch.rand(count, 1, device=device) < starts.own_command_share)
-    replace(env.own_command, mask, torch.where(keeps, starts.command[at], torch.nan))
+    replace(env.own_command, mask, torch.where(~home & kept[:, None], starts.command[at], torch.nan))
     replace(env.start_velocity, mask, torch.where(home, 0.0, starts.command[at]))
     if env.teacher is not None:
         env.teacher.begin(env, mask, at, angle)
