@@ -14,7 +14,7 @@ from typing import Any
 from pipeline.batch.rows import Entry
 from pipeline.batch.store import Store
 from pipeline.clips.codec import faults_of
-from pipeline.clips.outcome import Clip, Outcome, Piece
+from pipeline.clips.outcome import Clip, Numbers, Outcome, Piece
 from pipeline.errors import ClipError, FileError
 from pipeline.files.blob_store import StoreError
 
@@ -36,7 +36,7 @@ def work_on_clips(
     for entry in entries:
         clip = motions.get(entry.blob, entry.clip)
         seconds_in = entry.numbers.get("seconds", clip.duration_s)
-        answers.append(_answer(partial(work, clip, entry.numbers), motions, entry.clip, seconds_in))
+        answers.append(_answer(partial(work, clip, entry.numbers), motions, entry.clip, seconds_in, entry.numbers))
     return answers
 
 
@@ -47,7 +47,7 @@ def work_on_files(
     answers = []
     for name, path, arguments in files:
         if path.exists():
-            answers.append(_answer(partial(function, path, name, *arguments), _Motions(store), name, None))
+            answers.append(_answer(partial(function, path, name, *arguments), _Motions(store), name, None, {}))
         else:
             text = f"{path}: it is not there for the process that reads it; mount its folder there under this path."
             answers.append(rejection("failed", text, None, failed=True))
@@ -88,8 +88,13 @@ def _same_arrays(one: Clip, other: Clip) -> bool:
     )
 
 
-def _answer(work: Callable[[], Outcome], motions: _Motions, name: str, seconds_in: float | None) -> dict[str, Any]:
-    """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection."""
+def _answer(
+    work: Callable[[], Outcome], motions: _Motions, name: str, seconds_in: float | None, known: Numbers
+) -> dict[str, Any]:
+    """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection.
+
+    Of a piece's numbers there are those that its stage made: not the objects that are `known` of the clip.
+    """
     try:
         outcome = work()
     except StoreError as error:  # another blob that the work reads, such as a reference
@@ -102,7 +107,7 @@ def _answer(work: Callable[[], Outcome], motions: _Motions, name: str, seconds_i
         return rejection("failed", text, seconds_in, failed=True)
     stored = [motions.put(piece.clip) for piece in outcome.pieces]
     pieces = [
-        {"clip": piece.clip.name, "blob": blob, "numbers": _plain(piece.numbers)}
+        {"clip": piece.clip.name, "blob": blob, "numbers": _plain(_new(piece.numbers, known))}
         for piece, (blob, _) in zip(outcome.pieces, stored, strict=True)
     ]
     seconds_out = sum(_seconds(piece) for piece in outcome.pieces)
@@ -120,6 +125,10 @@ def _answer(work: Callable[[], Outcome], motions: _Motions, name: str, seconds_i
         "reasons": [_plain(reason.to_dict()) for reason in outcome.reasons],
         "numbers": numbers,
     }
+
+
+def _new(numbers: Numbers, known: Numbers) -> Numbers:
+    return {name: value for name, value in numbers.items() if name not in known or value is not known[name]}
 
 
 def _seconds(piece: Piece) -> float:

@@ -137,6 +137,20 @@ def test_numbers_of_earlier_stages_are_handed_on_and_go_with_the_clip(store):
     assert found.entries[0].record[0]["stage"] == "keep"
 
 
+def hand_on(clip, numbers):
+    return Outcome(pieces=(Piece(clip=clip, numbers={**numbers, "rank": numbers["rank"] + 1}),))
+
+
+def test_an_answer_holds_the_numbers_that_its_stage_made_alone(store):
+    handing_on = dataclasses.replace(stage(), function=hand_on)
+    (entry,) = run_stage(handing_on, manifest_of(store, ["a"]), store, POOL, LOG).entries
+    assert entry.numbers == {"rank": 1, "seconds": 0.1}
+    (given,) = manifest_of(store, ["a"]).entries
+    answer = store.recall(handing_on.key(given.clip, given.blob, given.numbers), handing_on.asker)
+    assert answer is not None
+    assert answer["pieces"][0]["numbers"] == {"rank": 1}
+
+
 def test_processes_give_the_same_bytes_as_this_one(store, tmp_path):
     before = manifest_of(store, ["a", "b", "bad", "c"])
     other = Store(root=tmp_path / "other")
