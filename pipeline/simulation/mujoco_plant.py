@@ -20,7 +20,6 @@ from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
-from pipeline.robot.kinematics import compiled
 from pipeline.simulation.plant import NoBallError, Plant, PlantState, standing_state
 from pipeline.simulation.terrain import FlatGround, Ground
 
@@ -187,8 +186,9 @@ def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
     qpos = np.concatenate([clip.root_pos_w, clip.root_quat_w, clip.joint_pos], axis=1)
     depth = np.zeros(clip.frame_count)
     pairs: list[tuple[str, str] | None] = [None] * clip.frame_count
+    state = data.qpos
     for frame in range(clip.frame_count):
-        data.qpos[:] = qpos[frame]
+        state[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
         if data.ncon:
@@ -207,7 +207,11 @@ class _CollisionModels(threading.local):
 
 
 def _with_data(mjcf: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = compiled(mjcf)
+    """The model with the shapes that can collide alone: the others take a quarter of the time."""
+    spec = mujoco.MjSpec.from_string(mjcf)
+    for each in (*spec.sites, *(geom for geom in spec.geoms if not (geom.contype or geom.conaffinity))):
+        spec.delete(each)
+    model = spec.compile()
     return model, mujoco.MjData(model)
 
 

@@ -3,11 +3,13 @@
 import dataclasses
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.robot import Robot
+from pipeline.robot.kinematics import mujoco_model
 from pipeline.simulation.mujoco_plant import _COLLISION, self_collision
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from tests.factories.policy_walks import policy_walk
@@ -57,6 +59,18 @@ def test_legs_drawn_together_overlap_and_the_default_pose_does_not(robot: Robot)
     assert np.all(found.depth[2:] > 0.02)
     assert found.pairs[2] is not None
     assert {name.split("_")[0] for name in found.pairs[2]} == {"left", "right"}
+
+
+def test_shapes_that_collide_with_none_change_no_overlap(robot: Robot):
+    clip, rng = standing(robot, 0.5), np.random.default_rng(0)
+    joints = rng.uniform(robot.joint_lower, robot.joint_upper, clip.joint_pos.shape)
+    found = self_collision(dataclasses.replace(clip, joint_pos=joints), robot)
+    model = mujoco_model(robot)
+    data = mujoco.MjData(model)
+    for frame in range(clip.frame_count):
+        data.qpos[:] = np.concatenate([clip.root_pos_w[frame], clip.root_quat_w[frame], joints[frame]])
+        mujoco.mj_fwdPosition(model, data)
+        assert found.depth[frame] == max(-data.contact.dist.min(initial=0.0), 0.0)
 
 
 def test_few_compiled_models_are_kept(robot: Robot):
