@@ -86,9 +86,9 @@ def root_speeds(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdic
     """Speed, angular speed and acceleration: a jump of the root shows in all of them."""
     fps = motion.clip.fps
     velocity = time_series.derivative(motion.smooth_root_pos_w, fps)
-    speed = np.linalg.norm(velocity, axis=1)
-    turning = np.linalg.norm(rotation.angular_velocity_w(motion.smooth_root_quat_w, fps), axis=1)
-    acceleration = np.linalg.norm(time_series.derivative(velocity, fps), axis=1)
+    speed = rotation.length(velocity)
+    turning = rotation.length(rotation.angular_velocity_w(motion.smooth_root_quat_w, fps))
+    acceleration = rotation.length(time_series.derivative(velocity, fps))
     return (
         _peak("root_speed", speed, settings.speed, "moves at {:.1f} m/s", motion),
         _peak("root_turn_speed", turning, settings.turn_speed, "turns at {:.1f} rad/s", motion),

@@ -6,10 +6,11 @@ that is on the ground. Velocity is linear over a rigid sole: those of this part 
 velocities, and the least is the distance of that polygon from zero.
 """
 
+import functools
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from pipeline.quality.sole import SoleMotion
 
@@ -29,9 +30,7 @@ def distance_from_zero(points: Float[np.ndarray, "*n c 2"], taken: Bool[np.ndarr
     """
     x, y = points[..., 0], points[..., 1]
     best = np.where(taken, np.sqrt(x * x + y * y), np.inf).min(axis=-1)
-    corners = range(points.shape[-2])
-    pairs, threes = list(combinations(corners, 2)), list(combinations(corners, 3))
-    first, second = np.array(pairs).reshape(-1, 2).T
+    first, second, threes, sides = _lines_and_triangles(points.shape[-2])
     start_x, start_y, end_x, end_y = x[..., first], y[..., first], x[..., second], y[..., second]
     way_x, way_y = end_x - start_x, end_y - start_y
     length_2 = np.maximum(way_x * way_x + way_y * way_y, 1e-12)
@@ -40,10 +39,16 @@ def distance_from_zero(points: Float[np.ndarray, "*n c 2"], taken: Bool[np.ndarr
     both = taken[..., first] & taken[..., second]
     distance = np.where(both, np.sqrt(near_x * near_x + near_y * near_y), np.inf)
     best = np.minimum(best, distance.min(axis=-1, initial=np.inf))
-    turns = start_x * end_y - start_y * end_x
-    for one, two, three in threes:
-        around = turns[..., [pairs.index((one, two)), pairs.index((two, three)), pairs.index((one, three))]]
-        around[..., 2] *= -1.0
-        holds_zero = np.all(around > 0.0, axis=-1) | np.all(around < 0.0, axis=-1)
-        best = np.where(holds_zero & taken[..., one] & taken[..., two] & taken[..., three], 0.0, best)
-    return best
+    around = (start_x * end_y - start_y * end_x)[..., sides] * [1.0, 1.0, -1.0]
+    holds_zero = np.all(around > 0.0, axis=-1) | np.all(around < 0.0, axis=-1)
+    return np.where((holds_zero & taken[..., threes].all(axis=-1)).any(axis=-1), 0.0, best)
+
+
+@functools.cache
+def _lines_and_triangles(corners: int) -> tuple[Int[np.ndarray, "..."], ...]:
+    """Of a number of points: both ends of the line between each two; the corners of each triangle and, as numbers of
+    lines, its sides, the last of which runs backwards."""
+    pairs, threes = list(combinations(range(corners), 2)), list(combinations(range(corners), 3))
+    sides = [[pairs.index(ends) for ends in ((one, two), (two, three), (one, three))] for one, two, three in threes]
+    first, second = np.array(pairs, dtype=int).reshape(-1, 2).T
+    return first, second, np.array(threes, dtype=int).reshape(-1, 3), np.array(sides, dtype=int).reshape(-1, 3)
