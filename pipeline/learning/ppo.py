@@ -1,6 +1,15 @@
 """rsl_rl's PPO for a run that calls the runner's `learn` once an iteration, also in several processes."""
 
+from contextlib import redirect_stdout
+
 from rsl_rl.algorithms import PPO
+from rsl_rl.runners import OnPolicyRunner
+
+
+def learn_once(runner: OnPolicyRunner) -> None:
+    """One iteration, without the line that each process would print beside our own progress."""
+    with redirect_stdout(None):
+        runner.learn(1)
 
 
 class StepwisePpo(PPO):

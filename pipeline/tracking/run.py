@@ -17,6 +17,7 @@ from tensordict import TensorDict
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.learning.curves_file import CurvesFile
 from pipeline.learning.policy_file import write_policy
+from pipeline.learning.ppo import learn_once
 from pipeline.learning.run_command import device_name, write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.tracking.bundle import CONFIG, TrackingBundle, check_trained_on
@@ -122,7 +123,7 @@ class TrackingRun:
                 reason = "minutes"
                 break
             self.runner.current_learning_iteration = self.iteration
-            self.runner.learn(1)
+            learn_once(self.runner)
             self.iteration += 1
             self._report(before + time.monotonic() - started, time.monotonic() - begun)
             if self.iteration % SAVE_EVERY == 0:

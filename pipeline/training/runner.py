@@ -9,6 +9,7 @@ from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 from torch.nn import functional
 
+from pipeline.learning.ppo import learn_once
 from pipeline.training.amp.algorithm import CRITIC_WARM_UP, AmpPpo, ramp
 from pipeline.training.amp.discriminator import FIGURES
 from pipeline.training.amp.expert import expert_windows
@@ -79,7 +80,7 @@ class AmpStage(Stage):
         self._disturb(share)
         self.runner.current_learning_iteration = algorithm.iteration = self.iteration
         algorithm.run_share = share
-        self.runner.learn(1)
+        learn_once(self.runner)
         self.environment_steps = self.env.common_step_counter
         amp: dict[str, float] = {} if algorithm.discriminator is None else algorithm.discriminator.figures
         return {
