@@ -93,7 +93,8 @@ def _answer(
 ) -> dict[str, Any]:
     """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection.
 
-    Of a piece's numbers there are those that its stage made: not the objects that are `known` of the clip.
+    Of a piece's numbers it holds those that the stage added or changed; readers merge them with the `known` ones of
+    the clip.
     """
     try:
         outcome = work()
@@ -128,6 +129,7 @@ def _answer(
 
 
 def _new(numbers: Numbers, known: Numbers) -> Numbers:
+    """Numbers that are not the same objects as the known ones."""
     return {name: value for name, value in numbers.items() if name not in known or value is not known[name]}
 
 

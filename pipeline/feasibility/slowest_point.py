@@ -46,8 +46,8 @@ def distance_from_zero(points: Float[np.ndarray, "*n c 2"], taken: Bool[np.ndarr
 
 @functools.cache
 def _lines_and_triangles(corners: int) -> tuple[Int[np.ndarray, "..."], ...]:
-    """Of a number of points: both ends of the line between each two; the corners of each triangle and, as numbers of
-    lines, its sides, the last of which runs backwards."""
+    """Indices for a number of points: first and second end of each line between two of them (l,), corners of each
+    triangle (k, 3), and its sides as numbers of lines (k, 3), the last one reversed."""
     pairs, threes = list(combinations(range(corners), 2)), list(combinations(range(corners), 3))
     sides = [[pairs.index(ends) for ends in ((one, two), (two, three), (one, three))] for one, two, three in threes]
     first, second = np.array(pairs, dtype=int).reshape(-1, 2).T

@@ -207,7 +207,7 @@ class _CollisionModels(threading.local):
 
 
 def _with_data(mjcf: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """The model with the shapes that can collide alone: the others take a quarter of the time."""
+    """The model without sites and visual shapes, which can not collide; a frame takes 0.75 of the time."""
     spec = mujoco.MjSpec.from_string(mjcf)
     for each in (*spec.sites, *(geom for geom in spec.geoms if not (geom.contype or geom.conaffinity))):
         spec.delete(each)

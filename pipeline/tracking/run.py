@@ -228,7 +228,7 @@ def runner_cfg() -> dict[str, Any]:
         "actor": {**network, "distribution_cfg": noise},
         "critic": dict(network),
         "algorithm": {
-            "class_name": "pipeline.learning.ppo:StepwisePpo",
+            "class_name": "PPO",
             "value_loss_coef": 1.0,
             "use_clipped_value_loss": True,
             "clip_param": 0.2,

@@ -143,8 +143,9 @@ def hand_on(clip, numbers):
 
 def test_an_answer_holds_the_numbers_that_its_stage_made_alone(store):
     handing_on = dataclasses.replace(stage(), function=hand_on)
-    (entry,) = run_stage(handing_on, manifest_of(store, ["a"]), store, POOL, LOG).entries
-    assert entry.numbers == {"rank": 1, "seconds": 0.1}
+    for _ in ("worked on", "recalled"):
+        (entry,) = run_stage(handing_on, manifest_of(store, ["a"]), store, POOL, LOG).entries
+        assert entry.numbers == {"rank": 1, "seconds": 0.1}
     (given,) = manifest_of(store, ["a"]).entries
     answer = store.recall(handing_on.key(given.clip, given.blob, given.numbers), handing_on.asker)
     assert answer is not None

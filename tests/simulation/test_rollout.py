@@ -71,6 +71,10 @@ def test_shapes_that_collide_with_none_change_no_overlap(robot: Robot):
         data.qpos[:] = np.concatenate([clip.root_pos_w[frame], clip.root_quat_w[frame], joints[frame]])
         mujoco.mj_fwdPosition(model, data)
         assert found.depth[frame] == max(-data.contact.dist.min(initial=0.0), 0.0)
+        if found.depth[frame]:
+            deepest = data.contact.geom[data.contact.dist.argmin()]
+            assert found.pairs[frame] == tuple(model.geom(shape).name for shape in deepest)
+    assert (found.depth > 0.0).any()
 
 
 def test_few_compiled_models_are_kept(robot: Robot):

@@ -190,7 +190,7 @@ def test_the_replay_forgets_the_oldest():
 @pytest.mark.parametrize("loss", ["bce", "wasserstein"])
 def test_it_learns_to_score_the_expert_above_the_policy(loss):
     torch.manual_seed(0)
-    config = RECIPE.changed({"discriminator.loss": loss, "discriminator.updates": 10}).discriminator
+    config = RECIPE.changed({"discriminator.loss": loss}).discriminator
     expert = torch.randn(300, 4, SIZE) + 2.0
     discriminator = Discriminator(expert, floors(JOINTS), config, 8, "cpu")
     discriminator.update()

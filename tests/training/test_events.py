@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.physics import GRAVITY
 from pipeline.training.bundle import read_bundle
-from pipeline.training.config import AFTER_CHANGE_S, RECIPE
+from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
 from pipeline.training.environment import AFTER_CHANGE_STEPS, AmpEnvironment
-from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, SMALLEST_PUSH, horizontal
+from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, horizontal
 from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
 
@@ -115,10 +115,10 @@ def test_some_environments_have_a_share_of_the_rotors_on_links(sloped):
 
 def test_pushes_have_all_horizontal_directions_and_lengths():
     torch.manual_seed(0)
-    push = horizontal(5000, "cpu")
+    push = horizontal(5000, 0.3, "cpu")
     length = push.norm(dim=1)
     assert (push[:, 2] == 0.0).all()
-    assert length.min() >= SMALLEST_PUSH - 1e-3 and length.max() <= 1.0 + 1e-3
+    assert 0.3 - 1e-3 <= length.min() < 0.31 and length.max() <= 1.0 + 1e-3
     assert push.mean(dim=0).abs().max() < 0.03
 
 
@@ -131,7 +131,12 @@ def test_a_kick_changes_the_velocity_by_at_most_the_ramps_value(bundle):
         term(env, None)
         change = (env.sim.data.qvel[:, :3] - before).norm(dim=1)
         assert change.max() <= largest + 1e-5
-        assert change.min() >= SMALLEST_PUSH * largest - 1e-5
+        assert change.min() >= env.context.config.pushes.smallest * largest - 1e-5
+
+
+def test_the_papers_kicks_are_of_0_3_to_1_5_m_s():
+    pushes = PAPER.pushes
+    assert (pushes.smallest * pushes.kick_m_s[1], pushes.kick_m_s[1]) == pytest.approx((0.3, 1.5))
 
 
 def test_a_force_acts_for_a_tenth_of_a_second_and_ends_with_the_episode(bundle):

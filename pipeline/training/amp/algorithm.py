@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from typing import Any, cast
 
 import torch
+from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 
-from pipeline.learning.ppo import StepwisePpo
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.discriminator import Discriminator, style_reward
 from pipeline.training.amp.symmetry import Mirror, MirroredSamples
@@ -50,7 +50,7 @@ def _cpu_precision() -> str:
     return "medium" if off < LARGEST_ROUNDING else "highest"
 
 
-class AmpPpo(StepwisePpo):
+class AmpPpo(PPO):
     """rsl_rl's PPO; with style 0 it is that alone."""
 
     def __init__(
@@ -191,10 +191,9 @@ class AmpPpo(StepwisePpo):
         return result
 
     def broadcast_parameters(self) -> None:
-        """Give every process the first one's parameters, the discriminator's included, at the first call only."""
-        first = not self._synchronized
+        """Give every process the first one's parameters, the discriminator's included."""
         super().broadcast_parameters()
-        if first and self.discriminator is not None:
+        if self.discriminator is not None:
             states = [self.discriminator.network.state_dict()]
             torch.distributed.broadcast_object_list(states, src=0)
             self.discriminator.network.load_state_dict(states[0])

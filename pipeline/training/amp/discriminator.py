@@ -21,6 +21,8 @@ ALPHA = 0.25
 """Of the style reward (paper)."""
 BETA = {"wasserstein": 0.1, "bce": 0.5}
 """Of the style reward (paper); with logits 0.5 makes the reward 2 alpha times the probability of being expert."""
+UPDATES = 8
+"""Most gradient steps an iteration: two for each of PPO's mini-batches."""
 DRIFT = 1e-3
 """Weight of E[D^2], which fixes the zero of a Wasserstein score."""
 SMOOTHING = 0.1
@@ -90,7 +92,7 @@ class Discriminator:
         """Gradient steps of an iteration; `reduce(parameters)` averages gradients over processes."""
         if self.replay.count == 0:
             return
-        steps = self._config.updates if self.accuracy <= self._config.target_accuracy else 1
+        steps = UPDATES if self.accuracy <= self._config.target_accuracy else 1
         sums = torch.zeros(len(FIGURES), device=self._expert.device)
         for _ in range(steps):
             loss, figures = self._loss()

@@ -13,8 +13,9 @@ from pipeline.training.mdp.commands import draw_commands
 
 CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
-OWN, OWN_STARTS = 0.4, 0.5
-"""Windows and start frames drawn by weight, with their own command; then so are about 0.4 of the policy's windows."""
+OWN, OWN_STARTS = 0.3, 0.5
+"""Expert windows and start frames that are drawn by weight and keep their own command. In episodes of 16 s half of the
+start frames give 0.3 of the policy's windows."""
 WINDOWS = 200_000
 """Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 
@@ -35,9 +36,8 @@ def frame_weights(expert: ExpertFrames, starts: np.ndarray) -> np.ndarray:
 def drawn_by_command(
     command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int, count: int, own: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Expert frames, each with a command: its own, or one as the policy gets them.
-
-    The first are drawn by weight alone, the others by weight from the command's nearest cell that has frames.
+    """Expert frames, each with a command: a share `own` is drawn by weight alone and keeps its command; each other one
+    answers a command as the policy gets them, and is drawn by weight from that command's nearest cell with frames.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]
@@ -45,7 +45,7 @@ def drawn_by_command(
         config: the policy's commands
         seed: of everything random
         count: how many are drawn
-        own: share of frames with their own command
+        own: share of frames that keep their command
 
     Returns:
         Indices of frames (count,), their commands (count, 3), and whether it is the frame's own (count,).

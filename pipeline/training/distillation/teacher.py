@@ -105,7 +105,7 @@ class ClipTeacher:
             joint_vel=self._joint_vel,
             command=self._label,
             drawn=torch.from_numpy(drawn).to(self._device),
-            kept=torch.ones(len(drawn), device=self._device),
+            kept=torch.ones(len(drawn), dtype=torch.bool, device=self._device),
         )
 
     def begin(self, env, mask: torch.Tensor, frame: torch.Tensor, turn: torch.Tensor) -> None:

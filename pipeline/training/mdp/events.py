@@ -22,8 +22,6 @@ from pipeline.training.rotors import rotors_on_links
 
 FORCE_S = 0.1
 """Duration of a push by a force [s]."""
-SMALLEST_PUSH = 0.5
-"""Of the largest one; smaller ones teach little."""
 SLOPED_SHARE = 1.0 / 3.0
 """Environments on a slope."""
 ROTOR_LEVELS = 5
@@ -65,7 +63,7 @@ class PushTimer:
     """
 
     def __init__(self, env, config: PushesConfig, largest: tuple[float, float], scale: float):
-        self._env, self._span = env, config.interval_s
+        self._env, self._span, self._smallest = env, config.interval_s, config.smallest
         self._largest = (scale * largest[0], scale * largest[1])
         self._left_s = torch.zeros(env.num_envs, device=env.device)
         self._draw(torch.ones(env.num_envs, dtype=torch.bool, device=env.device))
@@ -75,7 +73,7 @@ class PushTimer:
         self._left_s -= self._env.step_dt
         begins = self._left_s <= 0.0
         low, high = self._largest
-        push_w = horizontal(len(begins), begins.device) * (low + (high - low) * self._env.disturbance)
+        push_w = horizontal(len(begins), self._smallest, begins.device) * (low + (high - low) * self._env.disturbance)
         replace(self._env.steps_since_push, begins, 0)
         self._draw(begins)
         return begins, push_w
@@ -86,10 +84,10 @@ class PushTimer:
         replace(self._left_s, mask, low + (high - low) * torch.rand_like(self._left_s))
 
 
-def horizontal(count: int, device: str | torch.device) -> torch.Tensor:
-    """Vectors (count, 3) in random horizontal directions, of length SMALLEST_PUSH to 1."""
+def horizontal(count: int, least: float, device: str | torch.device) -> torch.Tensor:
+    """Vectors (count, 3) in random horizontal directions, of length `least` to 1."""
     angle = 2.0 * math.pi * torch.rand(count, device=device)
-    length = SMALLEST_PUSH + (1.0 - SMALLEST_PUSH) * torch.rand(count, device=device)
+    length = least + (1.0 - least) * torch.rand(count, device=device)
     return torch.stack([length * torch.cos(angle), length * torch.sin(angle), torch.zeros_like(angle)], dim=1)
 
 

@@ -39,12 +39,12 @@ class StartStates:
     drawn: torch.Tensor
     """(m,) indices of states; an episode begins at one of them, drawn uniformly."""
     kept: torch.Tensor
-    """(m,) 1 where an episode keeps the state's command, else 0; of numbers, as a GPU waits where a mask is indexed."""
+    """(m,) whether an episode there keeps the state's command."""
 
     def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
         """Indices (count,) of states, and whether the state's command is kept (count,)."""
         at = torch.randint(len(self.drawn), (count,), device=self.drawn.device)
-        return self.drawn[at], self.kept[at] > 0
+        return self.drawn[at], self.kept[at]
 
 
 def expert_states(
@@ -78,7 +78,7 @@ def expert_states(
         joint_vel=joint_vel,
         command=torch.from_numpy(expert.command).to(device),
         drawn=torch.from_numpy(drawn).to(device),
-        kept=torch.from_numpy(kept).long().to(device),
+        kept=torch.from_numpy(kept).to(device),
     )
 
 
