@@ -17,8 +17,8 @@ from tensordict import TensorDict
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.learning.curves_file import CurvesFile
 from pipeline.learning.policy_file import write_policy
-from pipeline.learning.ppo import learn_once
 from pipeline.learning.run_command import device_name, write_json
+from pipeline.learning.runner import learn_once
 from pipeline.learning.training_error import TrainingError
 from pipeline.tracking.bundle import CONFIG, TrackingBundle, check_trained_on
 from pipeline.tracking.environment import tracking_environment

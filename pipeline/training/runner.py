@@ -9,7 +9,7 @@ from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 from torch.nn import functional
 
-from pipeline.learning.ppo import learn_once
+from pipeline.learning.runner import learn_once
 from pipeline.training.amp.algorithm import CRITIC_WARM_UP, AmpPpo, ramp
 from pipeline.training.amp.discriminator import FIGURES
 from pipeline.training.amp.expert import expert_windows

@@ -12,7 +12,7 @@ import torch
 from pipeline.batch import ClipPool
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.files import settings
-from pipeline.learning.ppo import learn_once
+from pipeline.learning.runner import learn_once
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main

@@ -47,9 +47,7 @@ class Calls(TorchDispatchMode):
             self.kept.append(given[0])
             return func(*args, **(kwargs or {}))
         self.calls.append((str(func), *(self._source(each) for each in given)))
-        by_mask = [
-            each for each in tree_flatten(args[1:])[0] if isinstance(each, torch.Tensor) and each.dtype == torch.bool
-        ]
+        by_mask = [each for each in given if isinstance(each, torch.Tensor) and each.dtype == torch.bool]
         if (
             any(name in str(func) for name in WAITS)
             or ("aten.index" in str(func) and by_mask)

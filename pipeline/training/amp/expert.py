@@ -55,19 +55,19 @@ def drawn_by_command(
         wanted = draw_commands(count, config, "cpu").numpy()
     known = np.flatnonzero(weight > 0.0)
     cells, member = np.unique(np.round(command[known] / CELL).astype(int), axis=0, return_inverse=True)
-    nearest, rng = cKDTree(cells).query(wanted / CELL)[1], np.random.default_rng(seed)
-    kept, drawn = rng.random(count) < own, rng.choice(len(weight), count, p=weight / weight.sum())
+    nearest, rng, drawn = cKDTree(cells).query(wanted / CELL)[1], np.random.default_rng(seed), np.zeros(count, int)
     for cell in np.unique(nearest):
-        inside, asked = known[member.ravel() == cell], (nearest == cell) & ~kept
+        inside, asked = known[member.ravel() == cell], nearest == cell
         drawn[asked] = rng.choice(inside, asked.sum(), p=weight[inside] / weight[inside].sum())
+    kept = rng.random(count) < own
+    drawn[kept] = rng.choice(len(weight), kept.sum(), p=weight / weight.sum())
     return drawn, np.where(kept[:, None], command[drawn], wanted).astype(np.float32), kept
 
 
 def drawn_frames(
     expert: ExpertFrames, starts: np.ndarray, config: Config, seed: int, own: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frames (n,) among the starts, the commands that the discriminator reads with them (n, 3), else (n, 0), and
-    whether those are the frames' own (n,)."""
+    """Frames (n,) of the starts, commands that D reads with them (n, 3) or none (n, 0), and whether it is their own."""
     count, weight = min(WINDOWS, max(1000, 50 * config.simulation.num_envs)), frame_weights(expert, starts)
     read, known = config.discriminator.by_command, expert.command[starts]
     drawn, command, kept = drawn_by_command(known, weight, config.commands, seed, count, own if read else 1.0)

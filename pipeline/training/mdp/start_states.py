@@ -44,7 +44,7 @@ class StartStates:
     def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
         """Indices (count,) of states, and whether the state's command is kept (count,)."""
         at = torch.randint(len(self.drawn), (count,), device=self.drawn.device)
-        return self.drawn[at], self.kept[at]
+        return self.drawn[at], self.kept.gather(0, at)
 
 
 def expert_states(
