@@ -181,6 +181,23 @@ def test_a_worker_without_the_store_is_an_error_and_a_missing_file_is_tried_agai
             list(pool.map(abs, [(1,)], shared=[store.root]))
 
 
+def test_workers_use_the_memory_of_large_arrays_again(tmp_path):
+    def new_pages() -> int:
+        import resource
+
+        import numpy as np
+
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        for _ in range(100):
+            np.empty(2**20, np.uint8).fill(1)  # 256 pages
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+    as_a_nanny = {"MALLOC_TRIM_THRESHOLD_": "65536"}
+    with two_workers(tmp_path, **as_a_nanny) as (address, _):
+        found = list(ClipPool(backend="dask", address=address).map(new_pages, [()] * 4))
+    assert max(found) < 2_560
+
+
 @contextmanager
 def _elsewhere(folder: Path) -> Iterator[tuple[str, ...]]:
     yield (str(folder / "elsewhere" / ".shared.0"),)
