@@ -136,9 +136,7 @@ class RandomizationConfig:
 class PushesConfig:
     """Pushes; two numbers are the largest one before and after the disturbances' ramp."""
 
-    interval_s: tuple[float, float] = option(
-        (6.0, 12.0), "time between pushes", "s", "between 8 to 16 and the paper's 4 to 8", 0.02, 1000.0
-    )
+    interval_s: tuple[float, float] = option((8.0, 16.0), "time between pushes", "s", "paper: 4 to 8", 0.02, 1000.0)
     kick_m_s: tuple[float, float] = option(
         (0.0, 1.8),
         "sudden change of the base's velocity; of the T1, scaled to the robot",
@@ -155,7 +153,6 @@ class PushesConfig:
         0.0,
         200.0,
     )
-    smallest: float = share(0.5, "smallest push or kick, of the largest", source="the suite's are large; paper: 0.2")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +165,7 @@ class DiscriminatorConfig:
         "all", "features of a frame", "word", "with `legs` the arms left the clips' style", words=("all", "legs")
     )
     frames: int = option(10, "consecutive control steps in a window", "count", "paper: 4", 2, 50)
-    learning_rate: float = option(3e-5, "learning rate of Adam", "-", "D drifts less; paper: 1e-4", 1e-7, 1e-1)
+    learning_rate: float = option(5e-5, "learning rate of Adam", "-", "D drifts less; paper: 1e-4", 1e-7, 1e-1)
     gradient_penalty: float = option(20.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)
     target_accuracy: float = share(
         0.85, "above this accuracy it takes one gradient step an iteration; 1: never", source="bar: at most 0.9"
@@ -191,9 +188,9 @@ class PpoConfig:
     entropy: float = option(0.002, "weight of the entropy", "-", "paper: 0.005", 0.0, 1.0)
     desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
-    init_std: float = option(0.2, "deviation of the actions at the start", "-", "clips' cadence; paper: 0.6", 1e-3, 3.0)
+    init_std: float = option(0.5, "deviation of the actions at the start", "-", "pushes; paper: 0.6", 1e-3, 3.0)
     final_std: float = share(
-        0.5, "largest deviation at the end, by that at the start", source="exploration quickens steps"
+        0.2, "largest deviation from 0.7 of the run on, by that at the start", source="exploration quickens steps"
     )
 
 
@@ -324,7 +321,6 @@ PAPER = RECIPE.changed(
         "pushes.interval_s": (4.0, 8.0),
         "pushes.kick_m_s": (0.3, 1.5),
         "pushes.impulse_n_s": (0.0, 0.0),
-        "pushes.smallest": 0.2,
         "discriminator.style": 0.3,
         "discriminator.loss": "wasserstein",
         "discriminator.frames": 4,

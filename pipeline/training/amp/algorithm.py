@@ -15,8 +15,10 @@ from pipeline.training.amp.discriminator import Discriminator, style_reward
 from pipeline.training.amp.symmetry import Mirror, MirroredSamples
 from pipeline.training.config import Config
 
+QUIETER = (0.3, 0.7)
+"""Span of a run in which the bound of the deviation sinks: exploration teaches to catch pushes, quiet actions style."""
 REFINEMENT = (0.7, 1.0)
-"""Span of a run in which the divergence and the bound of the deviation go to their last values."""
+"""Span of a run in which the divergence goes to its last value."""
 CRITIC_WARM_UP = 60
 """Iterations in which a new critic learns alone beside a distilled actor, which its errors would otherwise destroy."""
 FIRST_RATE = 1e-5
@@ -118,12 +120,11 @@ class AmpPpo(PPO):
         return self._config.discriminator.style * ramp(self.run_share, self._config.schedule.style_ramp)
 
     def largest_deviation(self) -> float:
-        """Bound of the actions' deviation, which sinks over REFINEMENT, not sooner: PPO's steps are in units of the
-        deviation."""
+        """Bound of the actions' deviation at this point of the run."""
         ppo = self._config.ppo
         if ppo.final_std >= 1.0:
             return float("inf")
-        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, REFINEMENT))
+        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, QUIETER))
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""

@@ -14,8 +14,8 @@ from pipeline.training.mdp.commands import draw_commands
 CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
 OWN, OWN_STARTS = 0.3, 0.5
-"""Expert windows and start frames that are drawn by weight and keep their own command. In episodes of 16 s half of the
-start frames give 0.3 of the policy's windows."""
+"""Expert windows and start frames, but for commands to stand, that are drawn by weight and keep their own command. In
+episodes of 16 s half of the start frames give 0.3 of the policy's windows."""
 WINDOWS = 200_000
 """Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 
@@ -36,8 +36,11 @@ def frame_weights(expert: ExpertFrames, starts: np.ndarray) -> np.ndarray:
 def drawn_by_command(
     command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int, count: int, own: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Expert frames, each with a command: a share `own` is drawn by weight alone and keeps its command; each other one
-    answers a command as the policy gets them, and is drawn by weight from that command's nearest cell with frames.
+    """Expert frames, each with a command.
+
+    Commands are drawn as the policy gets them, each with a frame by weight from the nearest cell that has frames. A
+    share `own` of those that move gives way to frames drawn by weight alone, with their own command; commands to stand
+    stay as frequent, as clips hardly stand and the policy would forget it.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]
@@ -45,7 +48,7 @@ def drawn_by_command(
         config: the policy's commands
         seed: of everything random
         count: how many are drawn
-        own: share of frames that keep their command
+        own: share of the moving commands that are replaced
 
     Returns:
         Indices of frames (count,), their commands (count, 3), and whether it is the frame's own (count,).
@@ -59,7 +62,7 @@ def drawn_by_command(
     for cell in np.unique(nearest):
         inside, asked = known[member.ravel() == cell], nearest == cell
         drawn[asked] = rng.choice(inside, asked.sum(), p=weight[inside] / weight[inside].sum())
-    kept = rng.random(count) < own
+    kept = (rng.random(count) < own) & wanted.any(axis=1)
     drawn[kept] = rng.choice(len(weight), kept.sum(), p=weight / weight.sum())
     return drawn, np.where(kept[:, None], command[drawn], wanted).astype(np.float32), kept
 
@@ -69,9 +72,11 @@ def drawn_frames(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frames (n,) of the starts, commands that D reads with them (n, 3) or none (n, 0), and whether it is their own."""
     count, weight = min(WINDOWS, max(1000, 50 * config.simulation.num_envs)), frame_weights(expert, starts)
-    read, known = config.discriminator.by_command, expert.command[starts]
-    drawn, command, kept = drawn_by_command(known, weight, config.commands, seed, count, own if read else 1.0)
-    return starts[drawn], command if read else command[:, :0], kept & read
+    if not config.discriminator.by_command:
+        drawn = np.random.default_rng(seed).choice(starts, count, p=weight)
+        return drawn, np.zeros((count, 0), np.float32), np.zeros(count, bool)
+    drawn, *rest = drawn_by_command(expert.command[starts], weight, config.commands, seed, count, own)
+    return starts[drawn], *rest
 
 
 def expert_windows(expert: ExpertFrames, config: Config, columns: torch.Tensor, seed: int) -> torch.Tensor:
