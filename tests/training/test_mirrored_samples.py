@@ -1,10 +1,11 @@
 """Mirrored samples in PPO: an update begins at a ratio of 1 for originals and mirror images, however asymmetric the
-policy, and stays finite."""
+policy, and stays finite. The deviation of the actions sinks as the recipe says."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import pytest
 import torch
 
 from pipeline.training.amp.symmetry import MirroredSamples
@@ -62,3 +63,12 @@ def test_an_update_of_a_very_asymmetric_policy_is_finite(tmp_path, root, robot):
     stage.iterate(0.5)
     assert all(parameter.isfinite().all() for parameter in actor.parameters())
     assert any((old != new).any() for old, new in zip(before, actor.parameters(), strict=True)), "originals still count"
+
+
+def test_the_deviation_sinks_in_the_middle_of_a_run(tmp_path, root, robot):
+    stage, found = amp_stage(tmp_path, root, robot), []
+    for share in (0.3, 0.5, 0.7, 0.9):
+        stage.iterate(share)
+        found.append(float(stage.algorithm.get_policy().distribution.std_param.max()))
+    assert 0.45 < found[0] < 0.55
+    assert found[1:] == pytest.approx([0.3, 0.1, 0.1], abs=0.01)
