@@ -189,9 +189,7 @@ class PpoConfig:
     desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
     init_std: float = option(0.5, "deviation of the actions at the start", "-", "pushes; paper: 0.6", 1e-3, 3.0)
-    final_std: float = share(
-        0.2, "largest deviation from 0.7 of the run on, by that at the start", source="exploration quickens steps"
-    )
+    final_std: float = share(0.2, "largest deviation at the end, by that at the start", source="noise quickens steps")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,7 @@ from pipeline.training.config import Config
 
 QUIETER = (0.3, 0.7)
 """Span of a run in which the bound of the deviation sinks: exploration teaches to catch pushes, quiet actions style."""
-REFINEMENT = (0.7, 1.0)
-"""Span of a run in which the divergence goes to its last value."""
+REFINEMENT = (0.7, 1.0)  # in which the divergence goes to its last value
 CRITIC_WARM_UP = 60
 """Iterations in which a new critic learns alone beside a distilled actor, which its errors would otherwise destroy."""
 FIRST_RATE = 1e-5

@@ -36,11 +36,10 @@ def frame_weights(expert: ExpertFrames, starts: np.ndarray) -> np.ndarray:
 def drawn_by_command(
     command: np.ndarray, weight: np.ndarray, config: CommandsConfig, seed: int, count: int, own: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Expert frames, each with a command.
+    """Commands as the policy gets them, each with an expert frame, drawn by weight from the nearest cell with frames.
 
-    Commands are drawn as the policy gets them, each with a frame by weight from the nearest cell that has frames. A
-    share `own` of those that move gives way to frames drawn by weight alone, with their own command; commands to stand
-    stay as frequent, as clips hardly stand and the policy would forget it.
+    A share `own` of those that move gives way to frames drawn by weight alone, with their own command. Commands to
+    stand stay as frequent, since clips hardly stand.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]
@@ -75,8 +74,8 @@ def drawn_frames(
     if not config.discriminator.by_command:
         drawn = np.random.default_rng(seed).choice(starts, count, p=weight)
         return drawn, np.zeros((count, 0), np.float32), np.zeros(count, bool)
-    drawn, *rest = drawn_by_command(expert.command[starts], weight, config.commands, seed, count, own)
-    return starts[drawn], *rest
+    drawn, command, kept = drawn_by_command(expert.command[starts], weight, config.commands, seed, count, own)
+    return starts[drawn], command, kept
 
 
 def expert_windows(expert: ExpertFrames, config: Config, columns: torch.Tensor, seed: int) -> torch.Tensor:
