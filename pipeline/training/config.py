@@ -165,7 +165,7 @@ class DiscriminatorConfig:
         "all", "features of a frame", "word", "with `legs` the arms left the clips' style", words=("all", "legs")
     )
     frames: int = option(10, "consecutive control steps in a window", "count", "paper: 4", 2, 50)
-    learning_rate: float = option(5e-5, "learning rate of Adam", "-", "D drifts less; paper: 1e-4", 1e-7, 1e-1)
+    learning_rate: float = option(5e-5, "learning rate of Adam", "-", "untested; paper: 1e-4", 1e-7, 1e-1)
     gradient_penalty: float = option(20.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)
     target_accuracy: float = share(
         0.85, "above this accuracy it takes one gradient step an iteration; 1: never", source="bar: at most 0.9"
@@ -189,7 +189,7 @@ class PpoConfig:
     desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
     init_std: float = option(0.5, "deviation of the actions at the start", "-", "pushes; paper: 0.6", 1e-3, 3.0)
-    final_std: float = share(0.2, "largest deviation at the end, by that at the start", source="noise quickens steps")
+    final_std: float = share(0.2, "largest deviation after 0.7 of a run, by the first", source="calm steps")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,6 @@
 """A Dask cluster gives the bytes of a local run, whatever its workers had installed and whichever of them dies."""
 
+import ctypes
 import logging
 import os
 import signal
@@ -181,6 +182,7 @@ def test_a_worker_without_the_store_is_an_error_and_a_missing_file_is_tried_agai
             list(pool.map(abs, [(1,)], shared=[store.root]))
 
 
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="needs glibc")
 def test_workers_use_the_memory_of_large_arrays_again(tmp_path):
     def new_pages() -> int:
         import resource

@@ -1,5 +1,5 @@
 """Mirrored samples in PPO: an update begins at a ratio of 1 for originals and mirror images, however asymmetric the
-policy, and stays finite. The deviation of the actions sinks as the recipe says."""
+policy, and stays finite. The bound of the deviation decreases in mid-run."""
 
 from __future__ import annotations
 
@@ -70,5 +70,5 @@ def test_the_deviation_sinks_in_the_middle_of_a_run(tmp_path, root, robot):
     for share in (0.3, 0.5, 0.7, 0.9):
         stage.iterate(share)
         found.append(float(stage.algorithm.get_policy().distribution.std_param.max()))
-    assert 0.45 < found[0] < 0.55
+    assert 0.45 < found[0] <= 0.5
     assert found[1:] == pytest.approx([0.3, 0.1, 0.1], abs=0.01)

@@ -16,7 +16,7 @@ from pipeline.training.amp.symmetry import Mirror, MirroredSamples
 from pipeline.training.config import Config
 
 QUIETER = (0.3, 0.7)
-"""Span of a run in which the bound of the deviation sinks: exploration teaches to catch pushes, quiet actions style."""
+"""Span of a run in which the bound of the deviation decreases."""
 REFINEMENT = (0.7, 1.0)  # in which the divergence goes to its last value
 CRITIC_WARM_UP = 60
 """Iterations in which a new critic learns alone beside a distilled actor, which its errors would otherwise destroy."""

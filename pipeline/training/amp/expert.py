@@ -14,8 +14,8 @@ from pipeline.training.mdp.commands import draw_commands
 CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
 OWN, OWN_STARTS = 0.3, 0.5
-"""Expert windows and start frames, but for commands to stand, that are drawn by weight and keep their own command. In
-episodes of 16 s half of the start frames give 0.3 of the policy's windows."""
+"""Of expert windows and start frames whose command moves, the shares that are drawn by weight with their own command.
+Episodes of 16 s that begin so give about as many of the policy's windows."""
 WINDOWS = 200_000
 """Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 
@@ -38,8 +38,8 @@ def drawn_by_command(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Commands as the policy gets them, each with an expert frame, drawn by weight from the nearest cell with frames.
 
-    A share `own` of those that move gives way to frames drawn by weight alone, with their own command. Commands to
-    stand stay as frequent, since clips hardly stand.
+    A share `own` of those that move is replaced by frames drawn by weight alone, with their own command. Frames for
+    commands to stand stay as frequent, since few clips stand.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]

@@ -23,7 +23,7 @@ from pipeline.training.rotors import rotors_on_links
 FORCE_S = 0.1
 """Duration of a push by a force [s]."""
 SMALLEST_PUSH = 0.2
-"""Of the largest one, as in the paper; from 0.5 on, policies fell twice as often in the suite's pushes."""
+"""Smallest push as a fraction of the largest (paper)."""
 SLOPED_SHARE = 1.0 / 3.0
 """Environments on a slope."""
 ROTOR_LEVELS = 5
