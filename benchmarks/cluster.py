@@ -1,6 +1,6 @@
 """Throughput of a Dask cluster of two workers on this machine against two processes of `loky`.
 
-    python benchmarks/cluster.py [--clips 1000] [--seconds 8] [--repeat 5] [--json]
+    python benchmarks/cluster.py [--clips 120] [--seconds 8] [--repeat 5] [--json]
 
 Both evaluate the same clips by KP5, in turn, each time into an empty store; processes have been started and have loaded
 the robot before. The threshold is on the ratio of the medians.
@@ -49,7 +49,7 @@ def seconds_of(stage: Stage, robot: Robot, pool: ClipPool, clips: int, clip_s: f
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--clips", type=int, default=1000)
+    parser.add_argument("--clips", type=int, default=120)
     parser.add_argument("--seconds", type=float, default=8.0, help="length of a clip")
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")

@@ -23,7 +23,7 @@ from pipeline.errors import PipelineError
 
 TASKS_PER_WORKER = 4
 """Tasks at the scheduler at a time, for each worker."""
-MOST_A_TASK = 32
+MOST_A_TASK = 8
 """Calls of a task."""
 CONNECT_S = 20.0
 """How long a scheduler, and then its first worker, may take to answer [s]."""

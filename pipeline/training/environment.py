@@ -140,8 +140,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
     @staticmethod
     def _expert_starts(bundle: Bundle, config: Config, device: str, seed: int) -> StartStates:
         expert, robot = bundle.expert, bundle.robot
-        drawn, _, kept = drawn_frames(expert, np.arange(len(expert.frames)), config, seed, OWN_STARTS)
-        return expert_states(expert, drawn, kept, robot.index(robot.controlled), robot.default_joint_pos, device)
+        drawn, _, own = drawn_frames(expert, np.arange(len(expert.frames)), config, seed, OWN_STARTS)
+        return expert_states(expert, drawn, own, robot.index(robot.controlled), robot.default_joint_pos, device)
 
     def load_managers(self) -> None:
         """mjlab's managers; the state that their terms read exists before them."""

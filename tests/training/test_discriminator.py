@@ -121,15 +121,14 @@ def test_by_command_frames_are_as_frequent_as_the_policys_commands(expert):
 
 
 def test_frames_that_keep_their_command_are_as_frequent_as_their_weight(expert):
-    """So what the database weighs more is trained more, whatever commands the policy gets."""
+    """So what the database weighs more is trained more, whatever commands the policy gets; but for standing."""
     starts = window_starts(expert, 7)
     config = RECIPE.changed({"commands.standing_share": 0.55, "commands.fast_share": 0.0}).commands
     given = expert.command[starts], frame_weights(expert, starts), config
     drawn, command, kept = drawn_by_command(*given, seed=0, count=5000, own=0.5)
-    assert kept.mean() == pytest.approx(0.5 * 0.45, abs=0.03)
-    assert (command == 0.0).all(axis=1).mean() >= 0.5
-    assert (starts[drawn[kept]] >= 30).mean() == pytest.approx(0.75, abs=0.03)
-    assert np.array_equal(command[kept], expert.command[starts[drawn[kept]]])
+    assert kept.mean() == pytest.approx(0.5, abs=0.03)
+    assert (starts[drawn[kept]] >= 30).mean() == pytest.approx(0.75 * 0.45, abs=0.03)
+    assert np.array_equal(command[kept], expert.command[starts[drawn[kept]]]), "clips before 30 stand"
     assert (starts[drawn[~kept]] >= 30).mean() < 0.4
 
 

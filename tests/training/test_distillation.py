@@ -150,7 +150,7 @@ def test_the_memory_keeps_the_newest_states():
 
 def test_the_loss_falls_without_a_gpu(tmp_path, root, robot):
     """The first experience without a GPU, in small: the student of the shipped tracker imitates it ever better while
-    the teacher acts, and stays better than at first at the states that it visits itself."""
+    the teacher acts; later, with states that it visits itself in the memory, it still fits better than at first."""
     folder = small_bundle(tmp_path, root, robot, tracker="shipped")
     given = ["--bundle", str(folder), "--out", str(tmp_path / "run"), "--device", "cpu", "--stages", "distillation"]
     changed = ["simulation.num_envs=8", "distillation.iterations=16", "distillation.minutes=0"]

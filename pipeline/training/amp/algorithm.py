@@ -15,9 +15,9 @@ from pipeline.training.amp.discriminator import Discriminator, style_reward
 from pipeline.training.amp.symmetry import Mirror, MirroredSamples
 from pipeline.training.config import Config
 
-QUIETER = (0.3, 0.7)
+DEVIATION_RAMP = (0.3, 0.7)
 """Span of a run in which the bound of the deviation decreases."""
-REFINEMENT = (0.7, 1.0)  # in which the divergence goes to its last value
+DIVERGENCE_RAMP = (0.7, 1.0)  # in which the divergence goes to its last value
 CRITIC_WARM_UP = 60
 """Iterations in which a new critic learns alone beside a distilled actor, which its errors would otherwise destroy."""
 FIRST_RATE = 1e-5
@@ -123,12 +123,12 @@ class AmpPpo(PPO):
         ppo = self._config.ppo
         if ppo.final_std >= 1.0:
             return float("inf")
-        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, QUIETER))
+        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, DEVIATION_RAMP))
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""
         started, ppo = self._now(), self._config.ppo
-        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * ramp(self.run_share, REFINEMENT)
+        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * ramp(self.run_share, DIVERGENCE_RAMP)
         with fast_matmul(self.device):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)

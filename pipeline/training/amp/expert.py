@@ -14,8 +14,8 @@ from pipeline.training.mdp.commands import draw_commands
 CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
 OWN, OWN_STARTS = 0.3, 0.5
-"""Of expert windows and start frames whose command moves, the shares that are drawn by weight with their own command.
-Episodes of 16 s that begin so give about as many of the policy's windows."""
+"""Shares of expert windows and start frames with a kept command (`drawn_by_command`). In episodes of 16 s half of the
+start frames give 0.3 of the policy's windows."""
 WINDOWS = 200_000
 """Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 
@@ -38,8 +38,8 @@ def drawn_by_command(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Commands as the policy gets them, each with an expert frame, drawn by weight from the nearest cell with frames.
 
-    A share `own` of those that move is replaced by frames drawn by weight alone, with their own command. Frames for
-    commands to stand stay as frequent, since few clips stand.
+    A share `own` is kept: commands to stand, and in place of those that move frames drawn by weight alone with their
+    own command. So standing stays as frequent, though few clips stand.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]
@@ -47,10 +47,10 @@ def drawn_by_command(
         config: the policy's commands
         seed: of everything random
         count: how many are drawn
-        own: share of the moving commands that are replaced
+        own: share that is kept
 
     Returns:
-        Indices of frames (count,), their commands (count, 3), and whether it is the frame's own (count,).
+        Indices of frames (count,), their commands (count, 3), and whether the command is kept (count,).
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -61,21 +61,22 @@ def drawn_by_command(
     for cell in np.unique(nearest):
         inside, asked = known[member.ravel() == cell], nearest == cell
         drawn[asked] = rng.choice(inside, asked.sum(), p=weight[inside] / weight[inside].sum())
-    kept = (rng.random(count) < own) & wanted.any(axis=1)
-    drawn[kept] = rng.choice(len(weight), kept.sum(), p=weight / weight.sum())
-    return drawn, np.where(kept[:, None], command[drawn], wanted).astype(np.float32), kept
+    kept = rng.random(count) < own
+    moves = kept & wanted.any(axis=1)
+    drawn[moves] = rng.choice(len(weight), moves.sum(), p=weight / weight.sum())
+    return drawn, np.where(moves[:, None], command[drawn], wanted).astype(np.float32), kept
 
 
 def drawn_frames(
     expert: ExpertFrames, starts: np.ndarray, config: Config, seed: int, own: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frames (n,) of the starts, commands that D reads with them (n, 3) or none (n, 0), and whether it is their own."""
+    """Frames (n,) of the starts, commands that D reads with them (n, 3) or none (n, 0), and kept ones (n, 3) or NaN."""
     count, weight = min(WINDOWS, max(1000, 50 * config.simulation.num_envs)), frame_weights(expert, starts)
     if not config.discriminator.by_command:
         drawn = np.random.default_rng(seed).choice(starts, count, p=weight)
-        return drawn, np.zeros((count, 0), np.float32), np.zeros(count, bool)
+        return drawn, np.zeros((count, 0), np.float32), np.full((count, 3), np.nan, np.float32)
     drawn, command, kept = drawn_by_command(expert.command[starts], weight, config.commands, seed, count, own)
-    return starts[drawn], command, kept
+    return starts[drawn], command, np.where(kept[:, None], command, np.float32(np.nan))
 
 
 def expert_windows(expert: ExpertFrames, config: Config, columns: torch.Tensor, seed: int) -> torch.Tensor:

@@ -96,6 +96,7 @@ class ClipTeacher:
         start = self.references.clip_start
         allowed = np.concatenate([np.arange(b - a) < max(b - a - LAST_FRAMES, 1) for a, b in itertools.pairwise(start)])
         drawn, *_ = drawn_by_command(self.references.command, allowed, self._config.commands, seed, WINDOWS, 0.0)
+        chosen = torch.from_numpy(drawn).to(self._device)
         return StartStates(
             root_pos=self._root_pos,
             root_quat=self._root_quat,
@@ -104,8 +105,8 @@ class ClipTeacher:
             ang_vel_w=self._ang_vel,
             joint_vel=self._joint_vel,
             command=self._label,
-            drawn=torch.from_numpy(drawn).to(self._device),
-            kept=torch.ones(len(drawn), dtype=torch.bool, device=self._device),
+            drawn=chosen,
+            own=self._label[chosen],
         )
 
     def begin(self, env, mask: torch.Tensor, frame: torch.Tensor, turn: torch.Tensor) -> None:

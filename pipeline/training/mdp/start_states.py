@@ -38,24 +38,24 @@ class StartStates:
     """(t, 3) that each state obeys [m/s, m/s, rad/s]."""
     drawn: torch.Tensor
     """(m,) indices of states; an episode begins at one of them, drawn uniformly."""
-    kept: torch.Tensor
-    """(m,) whether an episode there keeps the state's command."""
+    own: torch.Tensor
+    """(m, 3) command that an episode there keeps, NaN where it draws one [m/s, m/s, rad/s]."""
 
     def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Indices (count,) of states, and whether the state's command is kept (count,)."""
+        """Indices (count,) of states, and commands (count, 3) that are kept, else NaN."""
         at = torch.randint(len(self.drawn), (count,), device=self.drawn.device)
-        return self.drawn[at], self.kept.gather(0, at)
+        return self.drawn[at], self.own[at]
 
 
 def expert_states(
-    expert: ExpertFrames, drawn: np.ndarray, kept: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str
+    expert: ExpertFrames, drawn: np.ndarray, own: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str
 ) -> StartStates:
     """Start states of expert frames.
 
     Args:
         expert: T frames
         drawn: frames that episodes begin at (m,)
-        kept: whether an episode there keeps the frame's command (m,)
+        own: command that an episode there keeps, else NaN (m, 3) [m/s, m/s, rad/s]
         controlled: indices of the frames' joints in the robot's order (a,)
         default: default joint positions (j,) [rad], for the other joints
         device: where the tensors go
@@ -64,10 +64,8 @@ def expert_states(
     after = 7 + count + 12
     joint_pos = torch.from_numpy(default).float().to(device).repeat(len(frames), 1)
     joint_vel = torch.zeros_like(joint_pos)
-    joint_pos[:, controlled], joint_vel[:, controlled] = (
-        frames[:, 7 : 7 + count],
-        frames[:, after + 6 : after + 6 + count],
-    )
+    joint_pos[:, controlled] = frames[:, 7 : 7 + count]
+    joint_vel[:, controlled] = frames[:, after + 6 : after + 6 + count]
     quat = frames[:, 3:7].clone()
     return StartStates(
         root_pos=frames[:, :3].clone(),
@@ -78,7 +76,7 @@ def expert_states(
         joint_vel=joint_vel,
         command=torch.from_numpy(expert.command).to(device),
         drawn=torch.from_numpy(drawn).to(device),
-        kept=torch.from_numpy(kept).to(device),
+        own=torch.from_numpy(own).to(device),
     )
 
 
@@ -89,7 +87,7 @@ def write_starts(env, mask: torch.Tensor) -> None:
     """
     starts: StartStates = env.context.starts
     count, device = env.num_envs, env.device
-    at, kept = starts.draw(count)
+    at, own = starts.draw(count)
     home = (torch.rand(count, device=device) >= env.context.config.simulation.reference_share)[:, None]
     if env.teacher is not None:
         home = torch.zeros_like(home)
@@ -113,7 +111,7 @@ def write_starts(env, mask: torch.Tensor) -> None:
     replace(data.qpos[:], mask, torch.cat([pos + env.scene.env_origins, quat, joints], dim=1))
     replace(data.qvel[:], mask, torch.cat([lin_vel_w, quat_apply_inverse(quat, ang_vel_w), joint_vel], dim=1))
     env.robot_state.restart(mask)
-    replace(env.own_command, mask, torch.where(~home & kept[:, None], starts.command[at], torch.nan))
+    replace(env.own_command, mask, torch.where(home, torch.nan, own))
     replace(env.start_velocity, mask, torch.where(home, 0.0, starts.command[at]))
     if env.teacher is not None:
         env.teacher.begin(env, mask, at, angle)
