@@ -136,7 +136,7 @@ class RandomizationConfig:
 class PushesConfig:
     """Pushes; two numbers are the largest one before and after the disturbances' ramp."""
 
-    interval_s: tuple[float, float] = option((8.0, 16.0), "time between pushes", "s", "paper: 4 to 8", 0.02, 1000.0)
+    interval_s: tuple[float, float] = option((4.0, 8.0), "time between pushes", "s", PAPER_TEXT, 0.02, 1000.0)
     kick_m_s: tuple[float, float] = option(
         (0.0, 1.8),
         "sudden change of the base's velocity; of the T1, scaled to the robot",
@@ -167,8 +167,8 @@ class DiscriminatorConfig:
     frames: int = option(10, "consecutive control steps in a window", "count", "paper: 4", 2, 50)
     learning_rate: float = option(5e-5, "learning rate of Adam", "-", "untested; paper: 1e-4", 1e-7, 1e-1)
     gradient_penalty: float = option(20.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)
-    target_accuracy: float = share(
-        0.85, "above this accuracy it takes one gradient step an iteration; 1: never", source="bar: at most 0.9"
+    largest_difference: float = option(
+        1.4, "no gradient step while its mean scores of expert and policy differ by more", "-", "bar: 1.5", 0.0, 1000.0
     )
     by_command: bool = option(
         True,
@@ -188,8 +188,8 @@ class PpoConfig:
     entropy: float = option(0.002, "weight of the entropy", "-", "paper: 0.005", 0.0, 1.0)
     desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
-    init_std: float = option(0.5, "deviation of the actions at the start", "-", "pushes; paper: 0.6", 1e-3, 3.0)
-    final_std: float = share(0.2, "largest deviation after 0.7 of a run, by the first", source="calm steps")
+    init_std: float = option(0.3, "deviation of the actions at the start", "-", "calm steps; paper: 0.6", 1e-3, 3.0)
+    final_std: float = share(0.33, "largest deviation at the end of the run, by the first", source="calm steps")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,7 +316,6 @@ PAPER = RECIPE.changed(
         "randomization.delay_s": 0.0,
         "randomization.slope_deg": 0.0,
         "randomization.rotor_link_share": 0.0,
-        "pushes.interval_s": (4.0, 8.0),
         "pushes.kick_m_s": (0.3, 1.5),
         "pushes.impulse_n_s": (0.0, 0.0),
         "discriminator.style": 0.3,
@@ -324,7 +323,7 @@ PAPER = RECIPE.changed(
         "discriminator.frames": 4,
         "discriminator.learning_rate": 1e-4,
         "discriminator.gradient_penalty": 10.0,
-        "discriminator.target_accuracy": 1.0,
+        "discriminator.largest_difference": 1000.0,
         "discriminator.by_command": False,
         "ppo.entropy": 0.005,
         "ppo.desired_kl": 0.01,

@@ -196,23 +196,28 @@ def test_it_learns_to_score_the_expert_above_the_policy(loss):
     discriminator.update()
     assert discriminator.figures == {}
     discriminator.replay.insert(torch.randn(300, 4, SIZE) - 2.0, torch.ones(300) > 0.0)
-    discriminator.update()
+    for _ in range(8):
+        discriminator.update()
     assert discriminator.figures["d_expert"] > discriminator.figures["d_policy"]
     assert discriminator.score(expert[:20]).mean() > discriminator.score(torch.randn(20, 4, SIZE) - 2.0).mean()
 
 
-def test_above_its_target_accuracy_it_takes_one_step_an_iteration():
+def test_it_waits_while_its_scores_differ_by_more_than_allowed():
     torch.manual_seed(0)
-    expert = torch.randn(300, 4, SIZE) + 2.0
-    policy = torch.randn(300, 4, SIZE) - 2.0
-    margins = {}
-    for target in (0.51, 1.0):
-        torch.manual_seed(1)
-        config = RECIPE.changed({"discriminator.target_accuracy": target}).discriminator
-        discriminator = Discriminator(expert, floors(JOINTS), config, 8, "cpu")
-        discriminator.replay.insert(policy, torch.ones(300) > 0.0)
-        for _ in range(8):
-            discriminator.update()
-        margins[target] = discriminator.figures["d_expert"] - discriminator.figures["d_policy"]
-        assert discriminator.accuracy > 0.51
-    assert 0.0 < margins[0.51] < 0.8 * margins[1.0]
+    config = RECIPE.changed({"discriminator.largest_difference": 0.3, "discriminator.learning_rate": 1e-3}).discriminator
+    discriminator = Discriminator(torch.randn(300, 4, SIZE) + 2.0, floors(JOINTS), config, 8, "cpu")
+    discriminator.replay.insert(torch.randn(300, 4, SIZE) - 2.0, torch.ones(300) > 0.0)
+    differences = []
+    for _ in range(12):
+        before = [weight.detach().clone() for weight in discriminator.network.parameters()]
+        waits = discriminator.difference > 0.3
+        discriminator.update()
+        differences.append(discriminator.figures["d_expert"] - discriminator.figures["d_policy"])
+        same = [torch.equal(a, b) for a, b in zip(before, discriminator.network.parameters(), strict=True)]
+        assert all(same) if waits else not any(same)
+    assert differences[0] < 0.3 < differences[-1]
+    discriminator.replay.insert(torch.randn(40000, 4, SIZE) + 2.0, torch.ones(40000) > 0.0)  # the policy catches up
+    discriminator.update()
+    before = discriminator.network[0].weight.detach().clone()
+    discriminator.update()
+    assert not torch.equal(before, discriminator.network[0].weight)

@@ -1,5 +1,5 @@
 """Mirrored samples in PPO: an update begins at a ratio of 1 for originals and mirror images, however asymmetric the
-policy, and stays finite. The bound of the deviation decreases in mid-run."""
+policy, and stays finite. The bound of the deviation decreases at the end of a run."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ def test_an_update_of_a_very_asymmetric_policy_is_finite(tmp_path, root, robot):
     assert any((old != new).any() for old, new in zip(before, actor.parameters(), strict=True)), "originals still count"
 
 
-def test_the_deviation_sinks_in_the_middle_of_a_run(tmp_path, root, robot):
+def test_the_deviation_sinks_at_the_end_of_a_run(tmp_path, root, robot):
     stage, found = amp_stage(tmp_path, root, robot), []
-    for share in (0.3, 0.5, 0.7, 0.9):
+    for share in (0.7, 0.85, 1.0):
         stage.iterate(share)
-        found.append(float(stage.algorithm.get_policy().distribution.std_param.max()))
+        found.append(float(stage.algorithm.get_policy().distribution.std_param.detach().max()))
     assert 0.45 < found[0] <= 0.5
-    assert found[1:] == pytest.approx([0.3, 0.1, 0.1], abs=0.01)
+    assert found[1:] == pytest.approx([0.3325, 0.165], abs=0.01)

@@ -15,9 +15,8 @@ from pipeline.training.amp.discriminator import Discriminator, style_reward
 from pipeline.training.amp.symmetry import Mirror, MirroredSamples
 from pipeline.training.config import Config
 
-DEVIATION_RAMP = (0.3, 0.7)
-"""Span of a run in which the bound of the deviation decreases."""
-DIVERGENCE_RAMP = (0.7, 1.0)  # in which the divergence goes to its last value
+FINAL_RAMP = (0.7, 1.0)
+"""Span of a run in which the divergence and the bound of the deviation go to their last values."""
 CRITIC_WARM_UP = 60
 """Iterations in which a new critic learns alone beside a distilled actor, which its errors would otherwise destroy."""
 FIRST_RATE = 1e-5
@@ -123,12 +122,12 @@ class AmpPpo(PPO):
         ppo = self._config.ppo
         if ppo.final_std >= 1.0:
             return float("inf")
-        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, DEVIATION_RAMP))
+        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, FINAL_RAMP))
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""
         started, ppo = self._now(), self._config.ppo
-        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * ramp(self.run_share, DIVERGENCE_RAMP)
+        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * ramp(self.run_share, FINAL_RAMP)
         with fast_matmul(self.device):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
@@ -178,7 +177,6 @@ class AmpPpo(PPO):
         if self.discriminator is not None:
             state["discriminator_state_dict"] = self.discriminator.network.state_dict()
             state["discriminator_optimizer_state_dict"] = self.discriminator.optimizer.state_dict()
-            state["discriminator_accuracy"] = self.discriminator.accuracy
         return state
 
     def load(self, loaded_dict: dict, load_cfg: dict | None, strict: bool) -> bool:
@@ -187,7 +185,6 @@ class AmpPpo(PPO):
         if self.discriminator is not None:
             self.discriminator.network.load_state_dict(loaded_dict["discriminator_state_dict"])
             self.discriminator.optimizer.load_state_dict(loaded_dict["discriminator_optimizer_state_dict"])
-            self.discriminator.accuracy = float(loaded_dict["discriminator_accuracy"])
         return result
 
     def broadcast_parameters(self) -> None:

@@ -2,8 +2,8 @@
 
 `wasserstein` (paper): E[D policy] - E[D expert] with a gradient penalty between both (Gulrajani et al. 2017).
 `bce`: binary cross-entropy on logits with R1, the squared gradient at expert windows (Mescheder et al. 2018).
-Above a target accuracy the discriminator takes one gradient step an iteration instead of all, so that it does not run
-ahead of the policy (as StyleGAN2-ADA's target for the discriminator's overfitting; Karras et al. 2020).
+While its mean scores differ by more than `largest_difference`, the discriminator takes no gradient step, so that it does
+not run ahead of the policy: on motion that does not change the difference grows for thousands of steps.
 """
 
 import torch
@@ -21,12 +21,10 @@ ALPHA = 0.25
 """Of the style reward (paper)."""
 BETA = {"wasserstein": 0.1, "bce": 0.5}
 """Of the style reward (paper); with logits 0.5 makes the reward 2 alpha times the probability of being expert."""
-UPDATES = 8
-"""Most gradient steps an iteration: two for each of PPO's mini-batches."""
+UPDATES = {"wasserstein": 8, "bce": 1}
+"""Gradient steps an iteration; `wasserstein`: two for each of PPO's mini-batches."""
 DRIFT = 1e-3
 """Weight of E[D^2], which fixes the zero of a Wasserstein score."""
-SMOOTHING = 0.1
-"""Weight of an iteration in the averaged accuracy."""
 FIGURES = ("d_expert", "d_policy", "gradient_penalty", "accuracy")
 
 
@@ -80,8 +78,8 @@ class Discriminator:
         self.replay = Replay(min(SIZE, max(2000, 122 * envs)), (expert.shape[1], expert.shape[2]), device)
         self.figures: dict[str, float] = {}
         """FIGURES, means over the last update."""
-        self.accuracy = 0.5
-        """Averaged over iterations."""
+        self.difference = 0.0
+        """Of the mean scores of expert and policy in the last update."""
 
     @torch.no_grad()
     def score(self, windows: torch.Tensor) -> torch.Tensor:
@@ -92,22 +90,25 @@ class Discriminator:
         """Gradient steps of an iteration; `reduce(parameters)` averages gradients over processes."""
         if self.replay.count == 0:
             return
-        steps = UPDATES if self.accuracy <= self._config.target_accuracy else 1
+        steps = UPDATES[self._config.loss]
+        learns = self.difference <= self._config.largest_difference
         sums = torch.zeros(len(FIGURES), device=self._expert.device)
         for _ in range(steps):
             loss, figures = self._loss()
+            sums += figures
+            if not learns:
+                continue
             self.optimizer.zero_grad()
             loss.backward()
             if reduce is not None:
                 reduce(self.network.parameters())
             nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
             self.optimizer.step()
-            sums += figures
         if reduce is not None:
             torch.distributed.all_reduce(sums)
             sums /= torch.distributed.get_world_size()
         self.figures = dict(zip(FIGURES, (sums / steps).tolist(), strict=True))
-        self.accuracy += SMOOTHING * (self.figures["accuracy"] - self.accuracy)
+        self.difference = self.figures["d_expert"] - self.figures["d_policy"]
 
     def _loss(self) -> tuple[torch.Tensor, torch.Tensor]:
         count, config = self._batch, self._config
