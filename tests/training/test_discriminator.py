@@ -204,7 +204,9 @@ def test_it_learns_to_score_the_expert_above_the_policy(loss):
 
 def test_it_waits_while_its_scores_differ_by_more_than_allowed():
     torch.manual_seed(0)
-    config = RECIPE.changed({"discriminator.largest_difference": 0.3, "discriminator.learning_rate": 1e-3}).discriminator
+    config = RECIPE.changed(
+        {"discriminator.largest_difference": 0.3, "discriminator.learning_rate": 1e-3}
+    ).discriminator
     discriminator = Discriminator(torch.randn(300, 4, SIZE) + 2.0, floors(JOINTS), config, 8, "cpu")
     discriminator.replay.insert(torch.randn(300, 4, SIZE) - 2.0, torch.ones(300) > 0.0)
     differences = []
