@@ -2,8 +2,8 @@
 
 `wasserstein` (paper): E[D policy] - E[D expert] with a gradient penalty between both (Gulrajani et al. 2017).
 `bce`: binary cross-entropy on logits with R1, the squared gradient at expert windows (Mescheder et al. 2018).
-While its mean scores differ by more than `largest_difference`, the discriminator takes no gradient step, so that it does
-not run ahead of the policy: on motion that does not change the difference grows for thousands of steps.
+While its mean scores of expert and policy differ by more than `largest_difference`, the discriminator takes no gradient
+step: on motion that does not change, the difference would grow for thousands of steps.
 """
 
 import torch
