@@ -10,9 +10,9 @@ what each run's validation measured (`pipeline/training/policy_figures.py`), and
 command: the share of 20 walks of 10 s that fall or reach less than half of it.
 
 The loop from hardware closes where a bundle of the database before and one of the database after an approved proposal
-are two arms, and `--planted` is the command that failed: put its log into
-`data/hardware_logs`, approve the proposal (docs/closed_loop.md), and materialize `amp_policy`, which writes the
-second bundle.
+are two arms, and `--planted` is the command that failed: validate with `--failures` or simulate the robot at that
+command, put the log into `data/hardware_logs`, approve the proposal (docs/closed_loop.md), and materialize
+`amp_policy`, which writes the second bundle.
 """
 
 from __future__ import annotations

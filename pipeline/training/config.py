@@ -168,7 +168,7 @@ class DiscriminatorConfig:
     learning_rate: float = option(5e-5, "learning rate of Adam", "-", "untested; paper: 1e-4", 1e-7, 1e-1)
     gradient_penalty: float = option(20.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)
     largest_difference: float = option(
-        1.4, "no gradient step while its mean scores of expert and policy differ by more", "-", "bar: 1.5", 0.0, 1000.0
+        1.4, "with bce no gradient step while mean scores differ by more; 1000: never", "-", "bar: 1.5", 0.0, 1000.0
     )
     by_command: bool = option(
         True,
@@ -189,7 +189,9 @@ class PpoConfig:
     desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
     init_std: float = option(0.3, "deviation of the actions at the start", "-", "calm steps; paper: 0.6", 1e-3, 3.0)
-    final_std: float = share(0.33, "largest deviation at the end of the run, by the first", source="calm steps")
+    final_std: float = share(
+        0.33, "largest deviation at the end of the run, as a share of init_std", source="calm steps"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -190,7 +190,7 @@ def test_the_replay_forgets_the_oldest():
 @pytest.mark.parametrize("loss", ["bce", "wasserstein"])
 def test_it_learns_to_score_the_expert_above_the_policy(loss):
     torch.manual_seed(0)
-    config = RECIPE.changed({"discriminator.loss": loss}).discriminator
+    config = RECIPE.changed({"discriminator.loss": loss, "discriminator.largest_difference": 1000.0}).discriminator
     expert = torch.randn(300, 4, SIZE) + 2.0
     discriminator = Discriminator(expert, floors(JOINTS), config, 8, "cpu")
     discriminator.update()
@@ -223,3 +223,13 @@ def test_it_waits_while_its_scores_differ_by_more_than_allowed():
     before = discriminator.network[0].weight.detach().clone()
     discriminator.update()
     assert not torch.equal(before, discriminator.network[0].weight)
+
+
+@pytest.mark.parametrize(("preset", "steps"), [(PAPER, 8), (RECIPE, 1)])
+def test_gradient_steps_an_iteration(preset, steps, monkeypatch):
+    discriminator = Discriminator(torch.randn(300, 4, SIZE), floors(JOINTS), preset.discriminator, 8, "cpu")
+    discriminator.replay.insert(torch.randn(300, 4, SIZE), torch.ones(300) > 0.0)
+    taken = []
+    monkeypatch.setattr(discriminator.optimizer, "step", lambda: taken.append(1))
+    discriminator.update()
+    assert len(taken) == steps

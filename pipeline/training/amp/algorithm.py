@@ -172,7 +172,7 @@ class AmpPpo(PPO):
         return {"task_reward": task / count, "style_reward": style / count, "d_rollout": score / count}
 
     def save(self) -> dict:
-        """rsl_rl's states and the discriminator's. The replay is not kept: two iterations fill it again."""
+        """rsl_rl's states and the discriminator's. The replay is not kept: ten iterations fill it again."""
         state = super().save()
         if self.discriminator is not None:
             state["discriminator_state_dict"] = self.discriminator.network.state_dict()

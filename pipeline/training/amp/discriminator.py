@@ -3,7 +3,7 @@
 `wasserstein` (paper): E[D policy] - E[D expert] with a gradient penalty between both (Gulrajani et al. 2017).
 `bce`: binary cross-entropy on logits with R1, the squared gradient at expert windows (Mescheder et al. 2018).
 While its mean scores of expert and policy differ by more than `largest_difference`, the discriminator takes no gradient
-step: on motion that does not change, the difference would grow for thousands of steps.
+step, so that it does not run ahead of the policy.
 """
 
 import torch
@@ -79,7 +79,7 @@ class Discriminator:
         self.figures: dict[str, float] = {}
         """FIGURES, means over the last update."""
         self.difference = 0.0
-        """Of the mean scores of expert and policy in the last update."""
+        """E[D expert] - E[D policy], mean of the last update; 0 after a restart."""
 
     @torch.no_grad()
     def score(self, windows: torch.Tensor) -> torch.Tensor:
