@@ -1,0 +1,23 @@
+"""`curves.csv` of a resumed run: rows before the checkpoint stay, and a new column is `nan` in them."""
+
+from pathlib import Path
+
+from pipeline.learning.curves_file import CurvesFile
+
+
+def test_a_resumed_run_keeps_the_rows_before_its_checkpoint(tmp_path: Path):
+    path = tmp_path / "curves.csv"
+    first = CurvesFile(path, 0)
+    assert first.seconds == 0.0
+    for iteration in (1, 2, 3):
+        first.add({"iteration": iteration, "seconds": 0.5 * iteration, "loss": 1.0 / 3.0})
+    first.write()
+    assert path.read_text() == "iteration,seconds,loss\n1,0.5,0.33333\n2,1,0.33333\n3,1.5,0.33333\n"
+
+    resumed = CurvesFile(path, 2)
+    assert resumed.seconds == 1.0
+    resumed.add({"iteration": 3, "seconds": 1.75, "loss": 0.25, "falls": 2.0})
+    resumed.write()
+    rows = ["1,0.5,0.33333,nan", "2,1,0.33333,nan", "3,1.75,0.25,2"]
+    assert path.read_text().splitlines() == ["iteration,seconds,loss,falls", *rows]
+    assert [each.name for each in tmp_path.iterdir()] == ["curves.csv"]
