@@ -190,7 +190,7 @@ def test_the_replay_forgets_the_oldest():
 @pytest.mark.parametrize("loss", ["bce", "wasserstein"])
 def test_it_learns_to_score_the_expert_above_the_policy(loss):
     torch.manual_seed(0)
-    config = RECIPE.changed({"discriminator.loss": loss, "discriminator.largest_difference": 1000.0}).discriminator
+    config = RECIPE.changed({"discriminator.loss": loss}).discriminator
     expert = torch.randn(300, 4, SIZE) + 2.0
     discriminator = Discriminator(expert, floors(JOINTS), config, 8, "cpu")
     discriminator.update()
@@ -212,11 +212,12 @@ def test_it_waits_while_its_scores_differ_by_more_than_allowed():
     differences = []
     for _ in range(12):
         before = [weight.detach().clone() for weight in discriminator.network.parameters()]
-        waits = discriminator.difference > 0.3
+        waits = discriminator.waits
         discriminator.update()
         differences.append(discriminator.figures["d_expert"] - discriminator.figures["d_policy"])
         same = [torch.equal(a, b) for a, b in zip(before, discriminator.network.parameters(), strict=True)]
         assert all(same) if waits else not any(same)
+        assert discriminator.waits == (differences[-1] > 0.3)
     assert differences[0] < 0.3 < differences[-1]
     discriminator.replay.insert(torch.randn(40000, 4, SIZE) + 2.0, torch.ones(40000) > 0.0)  # the policy catches up
     discriminator.update()
@@ -225,11 +226,15 @@ def test_it_waits_while_its_scores_differ_by_more_than_allowed():
     assert not torch.equal(before, discriminator.network[0].weight)
 
 
-@pytest.mark.parametrize(("preset", "steps"), [(PAPER, 8), (RECIPE, 1)])
-def test_gradient_steps_an_iteration(preset, steps, monkeypatch):
+@pytest.mark.parametrize(("preset", "steps", "ahead"), [(PAPER, 8, 8), (RECIPE, 1, 0)])
+def test_gradient_steps_an_iteration(preset, steps, ahead, monkeypatch):
+    """As many as the preset's loss takes, and as many where the discriminator is far ahead of the policy."""
     discriminator = Discriminator(torch.randn(300, 4, SIZE), floors(JOINTS), preset.discriminator, 8, "cpu")
     discriminator.replay.insert(torch.randn(300, 4, SIZE), torch.ones(300) > 0.0)
     taken = []
     monkeypatch.setattr(discriminator.optimizer, "step", lambda: taken.append(1))
     discriminator.update()
     assert len(taken) == steps
+    discriminator.figures |= {"d_expert": 9.0, "d_policy": 0.0}
+    discriminator.update()
+    assert len(taken) == steps + ahead

@@ -2,8 +2,8 @@
 
 `wasserstein` (paper): E[D policy] - E[D expert] with a gradient penalty between both (Gulrajani et al. 2017).
 `bce`: binary cross-entropy on logits with R1, the squared gradient at expert windows (Mescheder et al. 2018).
-While its mean scores of expert and policy differ by more than `largest_difference`, the discriminator takes no gradient
-step, so that it does not run ahead of the policy.
+With `bce` the discriminator takes no gradient step while its mean scores of expert and policy differ by more than
+`largest_difference`, so that it does not run ahead of the policy. Scores of `wasserstein` have no such scale.
 """
 
 import torch
@@ -78,8 +78,6 @@ class Discriminator:
         self.replay = Replay(min(SIZE, max(2000, 122 * envs)), (expert.shape[1], expert.shape[2]), device)
         self.figures: dict[str, float] = {}
         """FIGURES, means over the last update."""
-        self.difference = 0.0
-        """E[D expert] - E[D policy], mean of the last update; 0 after a restart."""
 
     @torch.no_grad()
     def score(self, windows: torch.Tensor) -> torch.Tensor:
@@ -90,13 +88,12 @@ class Discriminator:
         """Gradient steps of an iteration; `reduce(parameters)` averages gradients over processes."""
         if self.replay.count == 0:
             return
-        steps = UPDATES[self._config.loss]
-        learns = self.difference <= self._config.largest_difference
+        steps, waits = UPDATES[self._config.loss], self.waits
         sums = torch.zeros(len(FIGURES), device=self._expert.device)
         for _ in range(steps):
             loss, figures = self._loss()
             sums += figures
-            if not learns:
+            if waits:
                 continue
             self.optimizer.zero_grad()
             loss.backward()
@@ -108,7 +105,12 @@ class Discriminator:
             torch.distributed.all_reduce(sums)
             sums /= torch.distributed.get_world_size()
         self.figures = dict(zip(FIGURES, (sums / steps).tolist(), strict=True))
-        self.difference = self.figures["d_expert"] - self.figures["d_policy"]
+
+    @property
+    def waits(self) -> bool:
+        """Whether the last update's mean scores differ by more than allowed; not before the first one."""
+        difference = self.figures.get("d_expert", 0.0) - self.figures.get("d_policy", 0.0)
+        return self._config.loss == "bce" and difference > self._config.largest_difference
 
     def _loss(self) -> tuple[torch.Tensor, torch.Tensor]:
         count, config = self._batch, self._config
