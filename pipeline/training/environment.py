@@ -14,7 +14,7 @@ from mjlab.envs import ManagerBasedRlEnv
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import OWN_STARTS, drawn_frames
-from pipeline.training.amp.features import chosen_features, state_features
+from pipeline.training.amp.features import chosen_features, positions, state_features
 from pipeline.training.bundle import FPS, Bundle
 from pipeline.training.captured import Captured
 from pipeline.training.config import AFTER_CHANGE_S, Config
@@ -160,6 +160,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._with_command = config.discriminator.by_command
         size = len(self.columns) + 3 * self._with_command
         self._motion = torch.zeros(self.num_envs, config.discriminator.frames, size, device=self.device)
+        self._positions = self.positions()[:, None].repeat(1, 3, 1)
         super().load_managers()
         self.record = Record(self.device, self.reward_manager.active_terms)
 
@@ -248,9 +249,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """Commands grow older, then observations, motion windows and figures are computed."""
         self.command_manager.compute(dt=self.step_dt * ~self.reset_buf)
         self._groups = self.observation_manager.compute(update_history=True)
+        self._positions.copy_(torch.cat([self._positions[:, 1:], self.positions()[:, None]], dim=1))
         self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
         self.extras["motion"] = self._motion
-        whole, quiet = self.episode_length_buf >= self._motion.shape[1], self.steps_since_push >= AFTER_CHANGE_STEPS
+        whole, quiet = self.episode_length_buf > self._motion.shape[1], self.steps_since_push >= AFTER_CHANGE_STEPS
         self.extras["motion_valid"] = whole & quiet
         if self._with_command:
             constant = (self._motion[:, 0, -3:] == self.command).all(dim=1)
@@ -265,19 +267,15 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """The observations of the last step, not the memory that the next one overwrites."""
         return self.obs_buf
 
+    def positions(self) -> torch.Tensor:
+        """Of the current states, for the discriminator's features (n, 24 + a)."""
+        state = self.robot_state
+        joint_pos = state.joint_pos[:, self.controlled_index]
+        return positions(state.root_pos_w, state.root_rotation_w, joint_pos, state.ends_pos_w)
+
     def motion_features(self) -> torch.Tensor:
-        """What the discriminator reads of the current states (n, f): features, and by command the command."""
-        state, index = self.robot_state, self.controlled_index
-        values = state_features(
-            state.root_pos_w,
-            state.root_rotation_w,
-            state.lin_vel_b,
-            state.ang_vel_b,
-            state.joint_pos[:, index],
-            state.joint_vel[:, index],
-            state.ends_pos_w,
-        )
-        motion = torch.nan_to_num(values).clamp(-LARGEST, LARGEST)[:, self.columns]
+        """What the discriminator reads of the states a step ago (n, f): features, and by command the command."""
+        motion = torch.nan_to_num(state_features(self._positions)).clamp(-LARGEST, LARGEST)[:, self.columns]
         return torch.cat([motion, self.command], dim=1) if self._with_command else motion
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:

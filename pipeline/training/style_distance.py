@@ -22,7 +22,7 @@ from pipeline.deployment.policy import load_policy
 from pipeline.errors import FileError
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import window_starts
-from pipeline.training.amp.features import FeatureNormalizer, floors, frame_features, state_features
+from pipeline.training.amp.features import FeatureNormalizer, floors, frame_features, positions, state_features
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.plain_walk import CONTROL_EVERY, MEASURE_S, STEP_S, Walk, World
 
@@ -65,7 +65,7 @@ def _some(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def walked_features(bundle: Path, policy: Path, walk: Walk) -> np.ndarray:
-    """Features (t, f) of the last MEASURE_S of a walk, one row a control step. Raises TrainingError for a fall."""
+    """Features (t - 2, f) of the last MEASURE_S of a walk, t control steps. Raises TrainingError for a fall."""
     world = World(bundle, load_policy(policy), walk)
     index = np.array([world.facts["joint_names"].index(name) for name in world.facts["controlled"]])
     ends = [world.model.site(name).id for name in (*world.facts["hands"], *world.facts["feet"])]
@@ -79,10 +79,9 @@ def walked_features(bundle: Path, policy: Path, walk: Walk) -> np.ndarray:
             raise TrainingError(f"{policy}: falls at the command {walk.command} after {world.data.time:.1f} s.")
         if step % CONTROL_EVERY == CONTROL_EVERY - 1 and step >= first:
             data, rotation = world.data, world.data.xmat[world.root].reshape(3, 3)
-            velocity = [data.qvel[:3] @ rotation, data.qvel[3:6].copy(), data.qpos[7:][index], data.qvel[6:][index]]
-            rows.append([data.xpos[world.root].copy(), rotation.copy(), *velocity, data.site_xpos[ends].copy()])
-    columns = [torch.from_numpy(np.array(column)) for column in zip(*rows, strict=True)]
-    return state_features(*columns).numpy()
+            rows.append([data.xpos[world.root].copy(), rotation.copy(), data.qpos[7:][index], data.site_xpos[ends]])
+    states = positions(*(torch.from_numpy(np.array(column)) for column in zip(*rows, strict=True)))
+    return state_features(states.unfold(0, 3, 1).mT).numpy()
 
 
 def windows_of(features: np.ndarray, starts: np.ndarray, normalize: FeatureNormalizer) -> np.ndarray:

@@ -9,14 +9,14 @@ import mujoco
 import numpy as np
 import pytest
 import torch
-from mjlab.utils.lab_api.math import quat_apply_inverse
+from mjlab.utils.lab_api.math import matrix_from_quat, quat_apply_inverse
 from tensordict import TensorDict
 
 from pipeline.deployment import deployment_task
 from pipeline.deployment.controller import History, Reading, frame
 from pipeline.expert.frames import expert_frames
 from pipeline.learning.policy_file import Network
-from pipeline.training.amp.features import frame_features
+from pipeline.training.amp.features import frame_features, rotation_vector, state_features
 from pipeline.training.amp.symmetry import Mirror, augment
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
@@ -60,8 +60,8 @@ def rate(env):
     env.velocity_command._rate.copy_(before)
 
 
-def wandering_frames(robot) -> np.ndarray:
-    return expert_frames(wandering(robot), robot)[[5, 30, 60, 90]].astype(np.float32)
+def wandering_frames(robot, later: int = 0) -> np.ndarray:
+    return expert_frames(wandering(robot), robot)[np.array([5, 30, 60, 90]) + later].astype(np.float32)
 
 
 def put(env, frames: np.ndarray) -> None:
@@ -97,13 +97,40 @@ def test_the_lowest_corner_of_a_sole_moves_as_the_jacobian_says(env, robot):
             np.testing.assert_allclose(found[number, side].numpy(), jacobian @ data.qvel, atol=2e-4)
 
 
-def test_features_of_a_state_are_those_of_the_expert_frame_it_was_set_to(env, robot):
-    taken = wandering_frames(robot)
-    put(env, taken)
-    expected = frame_features(torch.from_numpy(taken))
-    found = env.motion_features()
-    assert found[:, :-3].numpy() == pytest.approx(expected.numpy(), abs=2e-6)
-    assert torch.equal(found[:, -3:], env.command)
+def test_features_of_states_are_those_of_the_expert_frames_they_were_set_to(env, robot):
+    states = []
+    for later in (-1, 0, 1):
+        put(env, wandering_frames(robot, later))
+        states.append(env.positions())
+    expected = frame_features(torch.from_numpy(wandering_frames(robot))).numpy()
+    found = state_features(torch.stack(states, dim=1)).numpy()
+    assert np.abs(expected).max() > 0.5
+    np.testing.assert_allclose(found[:, :33], expected[:, :33], atol=2e-6)
+    np.testing.assert_allclose(found[:, 33:], expected[:, 33:], atol=2e-4)  # of single precision by 40 ms
+
+
+def test_windows_have_the_velocities_of_the_positions_that_were_walked(env):
+    env.reset()
+    index, walked = env.controlled_index, []
+    for step in range(6):
+        env.step(0.5 * torch.randn(ENVS, 21, generator=torch.Generator().manual_seed(step)))
+        assert not env.reset_buf.any()
+        walked.append([env.robot_state.joint_pos[:, index].clone(), env.robot_state.root_pos_w.clone(), env.command])
+    joint_pos, root_pos, _ = zip(*walked, strict=True)
+    newest = env._motion[:, -1]
+    torch.testing.assert_close(newest[:, :21], joint_pos[-2])
+    torch.testing.assert_close(newest[:, 39:60], (joint_pos[-1] - joint_pos[-3]) / (2.0 * env.step_dt))
+    speed = torch.linalg.norm((root_pos[-1] - root_pos[-3]) / (2.0 * env.step_dt), dim=1)
+    torch.testing.assert_close(torch.linalg.norm(newest[:, 33:36], dim=1), speed, atol=1e-4, rtol=0.0)
+    assert torch.equal(newest[:, 60:], env.command)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-4, 0.5, 2.0])
+def test_the_rotation_vector_is_the_axis_by_the_angle(angle):
+    axis = torch.nn.functional.normalize(torch.tensor([[0.3, -0.5, 0.8]]), dim=1)
+    half = torch.tensor([[0.5 * angle]])
+    quat = torch.cat([torch.cos(half), torch.sin(half) * axis], dim=1)
+    torch.testing.assert_close(rotation_vector(matrix_from_quat(quat)), angle * axis, atol=1e-6, rtol=1e-5)
 
 
 def test_the_observation_is_the_deployments(env, robot):
@@ -155,10 +182,10 @@ def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env, rate)
     env.reset()
     span = env._motion.shape[1]
     env.velocity_command.age.fill_(AFTER_CHANGE_S)
-    for step in range(1, span + 2):
+    for step in range(1, span + 3):
         *_, extras = env.step(torch.zeros(ENVS, 21))
         kept = env.episode_length_buf == step
-        assert torch.equal(extras["motion_valid"][kept], torch.full_like(kept[kept], step >= span))
+        assert torch.equal(extras["motion_valid"][kept], torch.full_like(kept[kept], step > span))
     env._reset_idx(torch.tensor([0]))
     *_, extras = env.step(torch.zeros(ENVS, 21))
     assert not extras["motion_valid"][0]
@@ -169,13 +196,13 @@ def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, ra
     rate.fill_(size)
     env.reset()
     span, steps, seen = env._motion.shape[1], round(AFTER_CHANGE_S / env.step_dt), []
-    env.episode_length_buf.fill_(span)
+    env.episode_length_buf.fill_(span + 1)
     env.velocity_command.time_left.fill_(1e-3)
     read = 0
     for step in range(1, 4 * steps):
         *_, extras = env.step(torch.zeros(ENVS, 21))
         seen.append(env.command.clone())
-        kept = env.episode_length_buf == span + step
+        kept = env.episode_length_buf == span + 1 + step
         constant = torch.stack([(each == seen[-1]).all(dim=1) for each in seen[-span:]]).all(dim=0)
         if step != steps:  # the age is a sum of rounded steps
             assert torch.equal(extras["motion_valid"][kept], (constant & (step > steps))[kept])
@@ -186,7 +213,7 @@ def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, ra
 def test_without_commands_a_new_command_makes_no_window_invalid(bundle):
     env = AmpEnvironment(bundle, RECIPE.changed({**QUIET, "discriminator.by_command": False}), "cpu", seed=1)
     env.reset()
-    steps = env._motion.shape[1] + 1
+    steps = env._motion.shape[1] + 2
     for _ in range(steps):
         *_, extras = env.step(torch.zeros(ENVS, 21))
         assert (env.velocity_command.age < AFTER_CHANGE_S).all()
@@ -197,7 +224,7 @@ def test_without_commands_a_new_command_makes_no_window_invalid(bundle):
 
 def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
     task, mirror = deployment_task(robot), Mirror(env.context.bundle.robot, "cpu")
-    obs = TensorDict({"actor": torch.randn(3, 720), "critic": torch.randn(3, 77)}, batch_size=[3])
+    obs = TensorDict({"actor": torch.randn(3, 720), "critic": torch.randn(3, 80)}, batch_size=[3])
     twice = mirror.observations(mirror.observations(obs))
     assert torch.equal(twice["actor"], obs["actor"])
     assert torch.equal(twice["critic"], obs["critic"])
@@ -211,7 +238,7 @@ def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
 
 def test_samples_are_followed_by_their_mirror_images(env):
     env.mirror = Mirror(env.context.bundle.robot, "cpu")
-    obs = TensorDict({"actor": torch.randn(2, 720), "critic": torch.randn(2, 77)}, batch_size=[2])
+    obs = TensorDict({"actor": torch.randn(2, 720), "critic": torch.randn(2, 80)}, batch_size=[2])
     actions = torch.randn(2, 21)
     both, both_actions = augment(env, obs, actions)
     assert torch.equal(both["actor"], torch.cat([obs["actor"], env.mirror.actor(obs["actor"])]))

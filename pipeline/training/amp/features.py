@@ -1,12 +1,15 @@
-"""Motion features of a frame, computed by one function for the expert and for the policy.
+"""Motion features of a frame, of the expert and of the policy.
 
-60 numbers for 21 joints: q, hands and feet in the trunk's frame, trunk velocities in its own frame, dq. The
-discriminator reads all of them or those of the legs and the trunk.
+60 numbers for 21 joints: q, hands and feet in the trunk's frame, trunk velocities in its own frame, dq. Velocities of
+both are central differences of positions, as `pipeline/expert/frames.py` has them: the simulator's differ by the
+vibration within two control steps, by which a discriminator would know the policy. The discriminator reads all features
+or those of the legs and the trunk.
 """
 
 import torch
 
 from pipeline.learning.robot_facts import RobotFacts
+from pipeline.training.bundle import FPS
 
 FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0}
 """Least standard deviation [rad, m, m/s, rad/s, rad/s] that features are divided by: features that hardly move in the
@@ -19,30 +22,31 @@ LEG_PARTS = ("Hip", "Knee", "Ankle")
 """Parts of the names of leg joints, where the robot has them."""
 
 
-def features(
-    joint_pos: torch.Tensor,
-    ends_b: torch.Tensor,
-    lin_vel_b: torch.Tensor,
-    ang_vel_b: torch.Tensor,
-    joint_vel: torch.Tensor,
+def positions(
+    root_pos_w: torch.Tensor, root_rotation_w: torch.Tensor, joint_pos: torch.Tensor, ends_pos_w: torch.Tensor
 ) -> torch.Tensor:
-    """(n, 18 + 2 a) of joints (n, a) in the expert's order and hands and feet (n, 12) in the trunk's frame."""
-    return torch.cat([joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel], dim=1)
+    """Simulator states (n, 24 + a) of joints (n, a) in the expert's order, and hands and feet (n, 4, 3) in the world;
+    `root_rotation_w` (n, 3, 3) rotates the root's frame into the world's."""
+    return torch.cat([root_pos_w, root_rotation_w.flatten(1), joint_pos, ends_pos_w.flatten(1)], dim=1)
 
 
-def state_features(
-    root_pos_w: torch.Tensor,
-    root_rotation_w: torch.Tensor,
-    lin_vel_b: torch.Tensor,
-    ang_vel_b: torch.Tensor,
-    joint_pos: torch.Tensor,
-    joint_vel: torch.Tensor,
-    ends_pos_w: torch.Tensor,
-) -> torch.Tensor:
-    """Features of simulator states; `ends_pos_w` (n, 4, 3) are hands and feet in the world, `root_rotation_w`
-    (n, 3, 3) rotates the root's frame into the world's."""
-    ends_b = torch.bmm(ends_pos_w - root_pos_w[:, None], root_rotation_w)
-    return features(joint_pos, ends_b.flatten(1), lin_vel_b, ang_vel_b, joint_vel)
+def state_features(states: torch.Tensor) -> torch.Tensor:
+    """Features (n, 18 + 2 a) of the middle one of three `positions` (n, 3, 24 + a), a control step apart."""
+    root_pos, root_rotation, joint_pos, ends_pos = torch.split(states, [3, 9, states.shape[2] - 24, 12], dim=2)
+    rotation, rate = root_rotation.unflatten(2, (3, 3)), 0.5 * FPS
+    lin_vel_w = rate * (root_pos[:, 2] - root_pos[:, 0])
+    ang_vel_w = rate * rotation_vector(torch.bmm(rotation[:, 2], rotation[:, 0].mT))
+    ends = ends_pos[:, 1].unflatten(1, (4, 3)) - root_pos[:, 1, None]
+    in_trunk = torch.bmm(torch.cat([ends, lin_vel_w[:, None], ang_vel_w[:, None]], dim=1), rotation[:, 1])
+    return torch.cat([joint_pos[:, 1], in_trunk.flatten(1), rate * (joint_pos[:, 2] - joint_pos[:, 0])], dim=1)
+
+
+def rotation_vector(rotation: torch.Tensor) -> torch.Tensor:
+    """Rotation vectors (n, 3) [rad] of matrices (n, 3, 3) that turn by less than half a turn."""
+    odd = 0.5 * (rotation - rotation.mT)
+    axis = torch.stack([odd[:, 2, 1], odd[:, 0, 2], odd[:, 1, 0]], dim=1)
+    sine, cosine = torch.linalg.norm(axis, dim=1), 0.5 * (torch.diagonal(rotation, dim1=1, dim2=2).sum(dim=1) - 1.0)
+    return axis * (torch.atan2(sine, cosine) / sine.clamp(min=1e-9))[:, None]
 
 
 def frame_features(frames: torch.Tensor) -> torch.Tensor:
@@ -50,7 +54,7 @@ def frame_features(frames: torch.Tensor) -> torch.Tensor:
     joints = (frames.shape[1] - 37) // 2
     parts = torch.split(frames, [3, 4, joints, 12, 3, 3, joints, 12], dim=1)
     _, _, joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel, _ = parts
-    return features(joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel)
+    return torch.cat([joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel], dim=1)
 
 
 def chosen_features(kind: str, robot: RobotFacts) -> torch.Tensor:

@@ -35,10 +35,10 @@ class Mirror:
             (index[None] + size * torch.arange(HISTORY)[:, None]).flatten().to(device),
             frame_sign.repeat(HISTORY).float().to(device),
         )
-        base, feet = torch.tensor([1.0, -1.0, 1.0]), torch.ones(2)
+        base, planar, feet = torch.tensor([1.0, -1.0, 1.0]), torch.tensor([1.0, -1.0, -1.0]), torch.ones(2)
         self._critic = (
-            torch.cat([index, size + torch.arange(3), torch.tensor([size + 4, size + 3])]).to(device),
-            torch.cat([frame_sign.float(), base, feet]).to(device),
+            torch.cat([index, size + torch.arange(6), torch.tensor([size + 7, size + 6])]).to(device),
+            torch.cat([frame_sign.float(), base, planar, feet]).to(device),
         )
 
     def actions(self, actions: torch.Tensor) -> torch.Tensor:

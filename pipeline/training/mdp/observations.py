@@ -1,8 +1,8 @@
 """Observations of actor and critic.
 
 The actor's 72 x 10 numbers are those of `pipeline/deployment/controller.py`, time-major, the oldest frame first, zeros
-before the episode; joints in the network's order. The critic observes the newest frame without noise, the base's
-velocity and the feet's contacts.
+before the episode; joints in the network's order. The critic observes the newest frame without noise, and
+what the rewards read besides.
 """
 
 import torch
@@ -75,8 +75,9 @@ class ActorHistory:
 
 
 def critic_frame(env) -> torch.Tensor:
-    """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5)."""
-    return torch.cat([newest_frame(env), env.robot_state.lin_vel_b, env.robot_state.contacts.float()], dim=1)
+    """The newest frame, the base's velocity, the averaged one that is rewarded, and the feet's contacts (n, 72 + 8)."""
+    state = env.robot_state
+    return torch.cat([newest_frame(env), state.lin_vel_b, state.mean_velocity, state.contacts.float()], dim=1)
 
 
 def observation_cfg() -> dict[str, ObservationGroupCfg]:
