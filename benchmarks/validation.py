@@ -31,8 +31,8 @@ from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd  # no
 from pipeline.validation.figures import Measured, measure  # noqa: E402
 from pipeline.validation.suites import (  # noqa: E402
     FULL,
+    JUDGED,
     QUICK,
-    SEEDS,
     cells_of,
     named,
     push_cells,
@@ -107,7 +107,7 @@ def anchor_bars(models: dict[str, Deployed], pool: ClipPool) -> list[Bar]:
     """The published sweep on each model; bounds hold for the first, which is the published one."""
     bars = []
     for place, (model, one) in enumerate(models.items()):
-        cells = (*command_cells(SEEDS), *push_cells(one.robot, ("force",)))
+        cells = (*command_cells(JUDGED.seeds), *push_cells(one.robot, ("force",)))
         found = {each.cell.name: each for each in measure(one, cells, pool)}
         for name, published in VELOCITIES.items():
             value = achieved(found[name])

@@ -35,8 +35,8 @@ class Validate:
     policy: PolicyFile
     robot: RobotName = "t1"
     ankle_kd: AnkleKd = None
-    suite: Literal["quick", "full"] = "quick"
-    """how many cells and trials"""
+    suite: Literal["quick", "full", "held-out"] = "quick"
+    """how many cells and trials; held-out: the full suite's cells with trials by which nothing was chosen"""
     json: File = None
     """write the verdict and all figures here"""
     failures: Folder = None

@@ -8,8 +8,7 @@
 <folder>/figures.json    figures of the chosen policy (`policy_figures.py`), and its digest
 <folder>/done.json       written last
 
-Repeating the command continues with the first file that is missing. The sweep starts in the default pose, the suite in
-others (seeds 1 to 5).
+Repeating the command continues with the first file that is missing. No trial of the sweep is one of the suite.
 """
 
 import importlib.util

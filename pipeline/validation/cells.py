@@ -81,14 +81,14 @@ def switch_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     )
 
 
-def start_cells(count: int) -> tuple[Cell, ...]:
+def start_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
     """Starts perturbed as far as by a push or by a person's hands."""
     wide = Start(joint_pos=0.15, joint_vel=1.0, lin_vel=0.3, ang_vel=0.5, tilt=0.1)
     cells = []
     for name, command in (("standing", VelocityCommand()), ("walking", VelocityCommand(forward=0.6))):
         trials = tuple(
             Trial(seed=seed, command=CommandProfile(commands=(command,)), seconds=5.0, measure_s=3.0, start=wide)
-            for seed in range(1, count + 1)
+            for seed in seeds
         )
         cells.append(Cell(name=f"start perturbed {name}", group="starts", figures=SURVIVING, trials=trials))
     return tuple(cells)
@@ -188,8 +188,8 @@ def _conditions() -> dict[str, Conditions]:
     }
 
 
-def unpushed_cells(seeds: Sequence[int], starts: int) -> tuple[Cell, ...]:
-    """All cells without a push."""
+def unpushed_cells(seeds: Sequence[int], starts: Sequence[int]) -> tuple[Cell, ...]:
+    """All cells without a push; `starts` are the seeds of perturbed starts."""
     return (
         *command_cells(seeds),
         *turning_cells(seeds),

@@ -12,6 +12,8 @@ are equivalent.
 
 import dataclasses
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,17 +44,36 @@ DROPS_M = (0.1, 0.3, 0.6, 0.9, 1.3, 1.7)
 GAITS = {"standing": VelocityCommand(), "walking": VelocityCommand(forward=0.5)}
 
 
-def push_cells(robot: Robot, models: tuple[str, ...] = ("force", "kick", "ball")) -> tuple[Cell, ...]:
+@dataclass(frozen=True, kw_only=True)
+class Trials:
+    """Which trials the cells of a suite have."""
+
+    seeds: tuple[int, ...]
+    starts: Sequence[int]
+    """Seeds of perturbed starts."""
+    shift: float
+    """By which share of a step times and directions of pushes are shifted."""
+
+
+JUDGED = Trials(seeds=(1, 2, 3, 4, 5), starts=range(1, 21), shift=0.0)
+"""Of the suites by which a policy is judged."""
+UNSEEN = Trials(seeds=(11, 12, 13, 14, 15), starts=range(21, 41), shift=0.3)
+"""Of the suite `held-out`: none is in another suite or in the sweep by which a checkpoint is chosen."""
+
+
+def push_cells(
+    robot: Robot, models: tuple[str, ...] = ("force", "kick", "ball"), shift: float = 0.0
+) -> tuple[Cell, ...]:
     """All cells of the named push models: 12 of 64 trials each."""
     return tuple(
-        push_cell(robot, model, gait, size)
+        push_cell(robot, model, gait, size, shift)
         for model in models
         for gait in GAITS
         for size in (DROPS_M if model == "ball" else IMPULSES)
     )
 
 
-def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
+def push_cell(robot: Robot, model: str, gait: str, size: float, shift: float = 0.0) -> Cell:
     """The 64 trials of one push; the first 8 of any block of 8 are the directions at one time.
 
     Args:
@@ -60,13 +81,14 @@ def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
         model: `force, kick` or `ball`
         gait: of `GAITS`
         size: impulse [N s]; for a ball the drop height [m]
+        shift: of `Trials`
     """
     conditions = Conditions(ball=BALL) if model == "ball" else Conditions()
     trials = []
     for number in range(TIMES):
-        time_s = FIRST_S[gait] + STEP_S * number
+        time_s = FIRST_S[gait] + STEP_S * (number + shift)
         for part in range(DIRECTIONS):
-            angle = 2.0 * math.pi * part / DIRECTIONS
+            angle = 2.0 * math.pi * (part + shift) / DIRECTIONS
             direction = np.array([math.cos(angle), math.sin(angle), 0.0])
             trials.append(
                 Trial(
@@ -103,10 +125,8 @@ def ball_time(speed: float, gait: str) -> float:
     return max(BALL_S, (BALL_DISTANCE - BALL.radius) / (speed - GAITS[gait].forward))
 
 
-FULL, QUICK = "full", "quick"
-SUITES = (QUICK, FULL)
-SEEDS = (1, 2, 3, 4, 5)
-STARTS = 20
+FULL, QUICK, HELD_OUT = "full", "quick", "held-out"
+SUITES = (QUICK, FULL, HELD_OUT)
 
 QUICK_CELLS: dict[str, int] = {
     "step 0 to 2.0": 1,
@@ -132,17 +152,19 @@ def cells_of(suite: str, robot: Robot) -> tuple[Cell, ...]:
     """The cells of a suite by name. Raises UnknownNameError."""
     if suite not in SUITES:
         raise UnknownNameError("suite", suite, SUITES)
-    return full(robot) if suite == FULL else quick(robot)
+    if suite == QUICK:
+        return quick(robot)
+    return full(robot, UNSEEN if suite == HELD_OUT else JUDGED)
 
 
-def full(robot: Robot) -> tuple[Cell, ...]:
+def full(robot: Robot, trials: Trials = JUDGED) -> tuple[Cell, ...]:
     """All cells of the full suite."""
-    return (*unpushed_cells(SEEDS, STARTS), *push_cells(robot))
+    return (*unpushed_cells(trials.seeds, trials.starts), *push_cells(robot, shift=trials.shift))
 
 
 def quick(robot: Robot) -> tuple[Cell, ...]:
     """Each command once and the first trials of `QUICK_CELLS`, identical to those of the full suite."""
-    counts = {cell.name: 1 for cell in command_cells(SEEDS)} | QUICK_CELLS
+    counts = {cell.name: 1 for cell in command_cells(JUDGED.seeds)} | QUICK_CELLS
     return tuple(
         dataclasses.replace(cell, trials=cell.trials[: counts[cell.name]])
         for cell in full(robot)
@@ -150,9 +172,9 @@ def quick(robot: Robot) -> tuple[Cell, ...]:
     )
 
 
-def named(robot: Robot, names: dict[str, int]) -> tuple[Cell, ...]:
+def named(robot: Robot, names: dict[str, int], trials: Trials = JUDGED) -> tuple[Cell, ...]:
     """Cells of the full suite by name, each with its first n trials. Raises UnknownNameError."""
-    known = {cell.name: cell for cell in full(robot)}
+    known = {cell.name: cell for cell in full(robot, trials)}
     for name in names:
         if name not in known:
             raise UnknownNameError("cell", name, tuple(known))

@@ -1,6 +1,7 @@
 """Figures of a checkpoint, without noise or thresholds: `python -m pipeline.validation.sweep POLICY.npz`.
 
-The 16 commands, steps from rest, two frictions and pushes, one row per cell, all from the default pose (seed 0).
+The 16 commands, steps from rest, two frictions and pushes, one row per cell, all from the default pose. No trial is one
+of a suite: checkpoints are not chosen by the trials that judge them.
 
 A run's checkpoint is chosen by such a sweep in plain MuJoCo: the 16 commands, steps to 2.0 m/s and to turning from
 rest, friction 0.4 and 1.2, pushes as a 0.1 s force. The score is a penalty; the lowest wins, and of equal ones the
@@ -10,7 +11,6 @@ later:
 """
 
 import argparse
-import dataclasses
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ from pipeline.robot import Robot
 from pipeline.validation.cells import Cell, command_cells
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.figures import Measured, measure
-from pipeline.validation.suites import named
+from pipeline.validation.suites import Trials, named
 
 OTHERS = {
     "step 0 to 2.0": 1,
@@ -48,15 +48,15 @@ OTHERS = {
 }
 """Cells besides the commands -> number of trials."""
 
+TRIALS = Trials(seeds=(0,), starts=(), shift=0.5)
+"""Seed 0 begins in the default pose; the suites have none."""
+
 COLUMNS = ("forward", "lateral", "yaw_rate", "power", "slip", "saturation", "drift", "steps")
 
 
 def sweep_cells(robot: Robot) -> tuple[Cell, ...]:
     """The cells of the sweep, all from the default pose."""
-    return tuple(
-        dataclasses.replace(cell, trials=tuple(dataclasses.replace(trial, seed=0) for trial in cell.trials))
-        for cell in (*command_cells((0,)), *named(robot, OTHERS))
-    )
+    return (*command_cells(TRIALS.seeds), *named(robot, OTHERS, TRIALS))
 
 
 def table(rows: Sequence[Measured]) -> str:

@@ -7,7 +7,8 @@ from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import BALL_DISTANCE
 from pipeline.simulation.plant import Kick, Push, Throw
-from pipeline.validation.suites import BALL, FULL, QUICK, ball_speed, cells_of, full, named, push_cells, quick
+from pipeline.validation.suites import BALL, FULL, HELD_OUT, QUICK, ball_speed, cells_of, full, named, push_cells, quick
+from pipeline.validation.sweep import sweep_cells
 from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 
 
@@ -93,9 +94,20 @@ def test_the_quick_suite_is_a_part_of_the_full_one(robot: Robot):
     assert seconds < 600.0
 
 
+def test_no_trial_is_judged_that_chose_the_checkpoint_and_none_is_judged_twice(robot: Robot):
+    judged, unseen = full(robot), cells_of(HELD_OUT, robot)
+    assert [(cell.name, len(cell.trials)) for cell in unseen] == [(cell.name, len(cell.trials)) for cell in judged]
+    chosen, first, second = (
+        [repr(trial) for cell in cells for trial in cell.trials] for cells in (sweep_cells(robot), judged, unseen)
+    )
+    assert len(set(first)) > 2000
+    for one, other in ((chosen, first), (chosen, second), (first, second)):
+        assert not set(one) & set(other)
+
+
 def test_a_suite_or_cell_that_there_is_not_is_refused(robot: Robot):
     assert len(cells_of(FULL, robot)) > len(cells_of(QUICK, robot)) > 20
-    with pytest.raises(UnknownNameError, match="unknown suite 'slow'; there are: full, quick"):
+    with pytest.raises(UnknownNameError, match="unknown suite 'slow'; there are: full, held-out, quick"):
         cells_of("slow", robot)
     with pytest.raises(UnknownNameError, match="unknown cell 'vx 9'"):
         named(robot, {"vx 9": 1})
