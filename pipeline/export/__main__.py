@@ -34,7 +34,7 @@ def _export(given: argparse.Namespace) -> ModelCard:
     if given.name is None:
         raise ExportError("--name is missing; give the policy a name.")
     stated = {name: text for name, text in (("commit", given.commit), ("command", given.command)) if text}
-    source = source_of_run(given.run, given.policy, stated, given.figures)
+    source = source_of_run(given.run, given.policy, stated, given.figures, given.beside, given.held_out)
     return export_policy(given.out, given.name, robot, source, rng, shippable=given.shippable, compact=given.compact)
 
 
@@ -49,6 +49,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--commit", default="", help="commit of the code that trained it, instead of the run's")
     parser.add_argument("--command", default="", help="command that trained it, instead of the run's")
     parser.add_argument("--figures", type=Path, help="JSON of measured figures, instead of the run's validation")
+    beside = "runs of the same recipe with other seeds; the card states their figures too"
+    parser.add_argument("--beside", type=Path, nargs="+", default=(), metavar="RUN", help=beside)
+    parser.add_argument("--held-out", type=Path, metavar="JSON", help="verdict by the suite held-out, for the card")
     parser.add_argument("--out", type=Path, required=True, help="output folder")
     shippable = "mark it as a policy that may ship; refused if its database's licence forbids it"
     parser.add_argument("--shippable", action="store_true", help=shippable)

@@ -11,6 +11,9 @@ from pipeline.files import digest as digests
 from pipeline.files.csv_json import read_json
 from pipeline.files.shown_text import plain
 
+OTHER_SEEDS, HELD_OUT = "other seeds", "held-out"
+"""Keys of a card's figures (`pipeline.export.evidence`); the second is also the suite's name."""
+
 FILE = "card.json"
 PAGE = "CARD.md"
 SCHEMA = "booster-lab policy card 2"
@@ -120,6 +123,8 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         "preset, seed": f"{preset}, {run.get('seed', missing)}",
         "environments, device": f"{run.get('num_envs', missing)}, {run.get('device', missing)}",
         "trained": f"{run.get('iterations', '?')} iterations, {run.get('seconds', '?')} s",
+        "GPU minutes": _minutes(card.run),
+        "training bundle": run.get("bundle_digest", missing),
         "motor limits": data.get("motors", missing),
         "expert database": data.get("digest", missing),
         "clips, seconds": f"{data.get('clips', '?')}, {data.get('seconds', '?')}",
@@ -129,4 +134,27 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         "parity": f"ONNX {card.parity['onnx']:.1e} ({card.parity['runtime']}), "
         f"TorchScript {card.parity['torch_script']:.1e}, over {card.parity['observations']} observations",
         "digest": card.digest,
+        **_figure_rows(card),
     }
+
+
+def _minutes(facts: dict[str, Any]) -> str:
+    seconds = facts.get("gpu_seconds")
+    return "not stated" if seconds is None else f"{seconds / 60.0:.1f}"
+
+
+def _figure_rows(card: ModelCard) -> dict[str, str]:
+    """Each measured figure with those of the recipe's other seeds, and the verdict by trials that chose nothing."""
+    others, unseen = card.figures.get(OTHER_SEEDS, {}), card.figures.get(HELD_OUT)
+    rows = {f"GPU minutes, seed {seed}": _minutes(other) for seed, other in others.items()}
+    figures = card.figures.get("figures", {})
+    for name, value in figures.items():
+        beside = [f"seed {seed}: {_shown(other['figures'].get(name))}" for seed, other in others.items()]
+        rows[name] = _shown(value) + (f" ({', '.join(beside)})" if beside else "")
+    if unseen:
+        rows["held-out trials"] = f"{unseen['passed']} of {unseen['required']} required cells"
+    return rows
+
+
+def _shown(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

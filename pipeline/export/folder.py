@@ -12,7 +12,7 @@ A policy that ships with the project is stored compact, without the derived file
 
 import dataclasses
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ import numpy as np
 from pipeline.deployment import DeploymentTask, Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export import booster_deploy, card
+from pipeline.export.card import HELD_OUT, OTHER_SEEDS
+from pipeline.export.evidence import FIGURES, held_out, other_seeds
 from pipeline.export.metadata import (
     SHIPPABLE,
     ExportError,
@@ -49,8 +51,6 @@ from pipeline.robot import Robot
 POLICY, ONNX, GOLDEN, CURVES = "policy.npz", "policy.onnx", "golden.npz", "curves.csv"
 CURVE_ROWS = 200
 """More rows are thinned to every n-th, and the last: a long run has thousands, of half a kilobyte each."""
-FIGURES = "validation/figures.json"
-"""Of a training run (`pipeline.training.validation_stage`)."""
 DEPLOY = "booster_deploy"
 TORCH_SCRIPT = f"{DEPLOY}/{booster_deploy.FOLDER.as_posix()}/{booster_deploy.MODEL}"
 
@@ -70,7 +70,12 @@ class Source:
 
 
 def source_of_run(
-    run: Path, policy: Path | None = None, stated: Mapping[str, Any] | None = None, figures: Path | None = None
+    run: Path,
+    policy: Path | None = None,
+    stated: Mapping[str, Any] | None = None,
+    figures: Path | None = None,
+    beside: Sequence[Path] = (),
+    unseen: Path | None = None,
 ) -> Source:
     """What an export of a training run is made from.
 
@@ -80,8 +85,11 @@ def source_of_run(
         stated: facts that replace those of the run, as `commit`
         figures: JSON with measured figures; None: those of the run's validation, where it validated this
             policy
+        beside: runs of the same recipe with other seeds, whose figures the card states too
+        unseen: the policy's verdict by the suite `held-out`, which the card states too
 
-    Raises FileError for a file that is missing or no JSON.
+    Raises FileError for a file that is missing or no JSON, ExportError where `beside` or `unseen` is of another recipe
+    or policy.
     """
     network, curves = policy or run / POLICY, run / CURVES
     measured = None
@@ -90,6 +98,10 @@ def source_of_run(
     elif (run / FIGURES).is_file():
         found = read_json(run / FIGURES)
         measured = found if found.get("policy") == digest(load_policy(network)) else None
+    if beside:
+        measured = {**(measured or {}), OTHER_SEEDS: other_seeds(run, beside)}
+    if unseen is not None:
+        measured = {**(measured or {}), HELD_OUT: held_out(unseen, digest(load_policy(network)))}
     return Source(
         policy=network,
         run=training_run(run, stated),

@@ -1,0 +1,55 @@
+"""What a card states besides its run's own figures: other seeds of the recipe, and trials by which nothing was chosen."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pipeline.export.card import HELD_OUT
+from pipeline.export.metadata import BUNDLE, CONFIG, DONE, ExportError, read_json
+
+FIGURES = "validation/figures.json"
+"""Of a training run (`pipeline.training.validation_stage`)."""
+RECIPE = ("options", "stages", "processes", BUNDLE)
+"""Settings in which runs of one recipe agree."""
+VALIDATE = "Write one: booster-lab validate POLICY --suite held-out --json FILE"
+
+
+def other_seeds(run: Path, others: Iterable[Path]) -> dict[str, dict[str, Any]]:
+    """Figures and GPU time of validated runs that differ from `run` by their seed alone, by seed.
+
+    Raises FileError for a run without validation, ExportError for one of another recipe and for a seed named twice.
+    """
+    own = read_json(run / CONFIG)
+    seeds, found = {own["seed"]}, {}
+    for other in others:
+        config = read_json(other / CONFIG)
+        differs = [name for name in RECIPE if config.get(name) != own.get(name)]
+        if differs:
+            raise ExportError(f"{other}: its {', '.join(differs)} differ from those of {run}, so it is no other seed.")
+        if config["seed"] in seeds:
+            raise ExportError(f"{other}: seed {config['seed']} is already there. Name each seed once.")
+        seeds.add(config["seed"])
+        measured = read_json(other / FIGURES, do="Validate it: repeat its command with the stage validation.")
+        ended = read_json(other / DONE)
+        facts = {"gpu_seconds": ended.get("gpu_seconds"), "summary": measured["summary"]}
+        found[str(config["seed"])] = {**facts, "policy": measured["policy"], "figures": measured["figures"]}
+    return found
+
+
+def held_out(path: Path, policy: str) -> dict[str, Any]:
+    """How many required cells of the suite `held-out` a policy passed, and why not the others.
+
+    Args:
+        path: verdict, as `booster-lab validate --json` writes it
+        policy: digest of the policy
+
+    Raises FileError for a file that is no JSON object, ExportError for another suite's verdict or another policy's.
+    """
+    verdict = read_json(path, do=VALIDATE)
+    if verdict.get("suite") != HELD_OUT:
+        raise ExportError(f"{path}: is no verdict of the suite held-out. {VALIDATE}")
+    if verdict.get("policy") != policy:
+        raise ExportError(f"{path}: is the verdict on another policy ({str(verdict.get('policy'))[:12]}). {VALIDATE}")
+    words = [cell["verdict"] for cell in verdict["cells"]]
+    passed, failed = words.count("passed"), words.count("failed")
+    return {"passed": passed, "required": passed + failed, "reasons": verdict["reasons"]}
