@@ -1,18 +1,20 @@
 """Arms of the recipe, each trained with several seeds for equal minutes and measured alike.
 
     python -m benchmarks.ablation --out DIR --arm NAME=BUNDLE[,OPTION=VALUE ...] [--arm ...] [--seeds 1 2 3]
-                                  [--minutes M] [--planted VX VY YAW] [--picture FILE] [--json]
+                                  [--minutes M] [--style BUNDLE] [--planted VX VY YAW] [--picture FILE] [--json]
 
 An arm is a bundle (as `amp_policy` writes it: of references, of rollouts, of rollouts with variations) and options of
 training. `--minutes` are those of AMP + PPO; distillation has its own (`distillation.minutes`). A run lies in
-`DIR/NAME-seedN`; a repeated command continues where it was interrupted. Printed are mean and range over the seeds of
-what each run's validation measured (`pipeline/training/policy_figures.py`), and with `--planted` the failures at that
-command: the share of 20 walks of 10 s that fall or reach less than half of it.
+`DIR/NAME-seedN`; a repeated command continues where it was interrupted. Runs that were trained elsewhere are validated
+on a CPU with `--device cpu`. Printed are mean and range over the seeds of what each run's validation measured
+(`pipeline/training/policy_figures.py`), and with `--planted` the failures at that command: the share of 20 walks of
+10 s that fall or reach less than half of it. Style is the distance from the arm's own expert set; to compare arms of
+different sets, `--style` names the bundle from which all are measured.
 
 The loop from hardware closes where a bundle of the database before and one of the database after an approved proposal
-are two arms, and `--planted` is the command that failed: validate with `--failures` or simulate the robot at that
-command, put the log into `data/hardware_logs`, approve the proposal (docs/closed_loop.md), and materialize
-`amp_policy`, which writes the second bundle.
+are two arms, and `--planted` is the command that failed: copy `data/policies/<robot>/bundle`, validate with
+`--failures` or simulate the robot at that command, put the log into `data/hardware_logs`, approve the proposal
+(docs/closed_loop.md), and materialize `amp_policy`, which replaces the bundle by that of the new database.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.training.plain_walk import Walk, walked  # noqa: E402
-from pipeline.training.policy_figures import from_json  # noqa: E402
+from pipeline.training.policy_figures import from_json, style_figures  # noqa: E402
 
 PLANTED_WALKS, REACHED = 20, 0.5
 """Walks at a planted command, and the share of it below which a walk counts as a failure."""
@@ -72,6 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--arm", type=arm_of, action="append", required=True)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--minutes", type=float)
+    parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda")
+    parser.add_argument("--style", type=Path, metavar="BUNDLE")
     parser.add_argument("--planted", type=float, nargs=3, metavar=("VX", "VY", "YAW"))
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--json", action="store_true")
@@ -80,19 +84,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for arm in given.arm:
         for seed in given.seeds:
             folder = given.out / f"{arm.name}-seed{seed}"
-            train(arm, seed, folder, given.minutes)
+            train(arm, seed, folder, given)
             found.setdefault(arm.name, []).append(figures_of(folder, arm.bundle, given))
     if given.picture:
         draw(found, given.picture)
     return 0 if report(bars_of(found), machine=machine(), json=given.json) else 1
 
 
-def train(arm: Arm, seed: int, folder: Path, minutes: float | None) -> None:
+def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
     """Train a run to its end; nothing where it is done. Raises SystemExit where training fails."""
-    limit = [f"schedule.minutes={minutes:g}", "schedule.iterations=100000"] if minutes is not None else []
+    limit = [f"schedule.minutes={given.minutes:g}", "schedule.iterations=100000"] if given.minutes is not None else []
     options = [*arm.options, *limit]
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(arm.bundle), "--out", str(folder)]
-    command += ["--seed", str(seed)]
+    command += ["--seed", str(seed), "--device", given.device]
+    if given.device == "cpu":  # where it would distil alone
+        first = [] if "distillation.iterations=0" in options else ["distillation"]
+        command += ["--stages", *first, "amp", "validation"]
     command += [text for option in options for text in ("--set", option)]
     status = subprocess.run(command, cwd=ROOT, stdout=sys.stderr).returncode
     if status:
@@ -102,8 +109,10 @@ def train(arm: Arm, seed: int, folder: Path, minutes: float | None) -> None:
 def figures_of(folder: Path, bundle: Path, given: argparse.Namespace) -> dict[str, float]:
     """Figures of a run's validation, and of the planted command."""
     found = json.loads((folder / "validation" / "figures.json").read_text())
-    figures = from_json(found["figures"])
-    return figures | (planted_figures(bundle, folder / "policy.npz", given.planted) if given.planted else {})
+    figures, policy = from_json(found["figures"]), folder / "policy.npz"
+    if given.style:
+        figures |= style_figures(given.style, policy)
+    return figures | (planted_figures(bundle, policy, given.planted) if given.planted else {})
 
 
 def planted_figures(bundle: Path, policy: Path, command: Sequence[float]) -> dict[str, float]:

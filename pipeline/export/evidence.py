@@ -1,4 +1,4 @@
-"""What a card states besides its run's own figures: other seeds of the recipe, and trials by which nothing was chosen."""
+"""What a card states besides its run's own figures: other seeds of the recipe, and held-out trials."""
 
 from collections.abc import Iterable
 from pathlib import Path

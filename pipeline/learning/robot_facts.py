@@ -14,7 +14,10 @@ import numpy as np
 from pipeline.learning.training_error import TrainingError
 from pipeline.physics import GRAVITY
 
-CURE = "Write the bundle again."
+CURE = (
+    "Write the bundle again: dagster asset materialize --select t1/amp_policy, or t1/tracking_policy for a tracker's; "
+    "another robot's alike."
+)
 
 T1_WEIGHT_N, T1_LEG_M = 31.734 * GRAVITY, 0.5516
 """Size of the robot that the figures of the paper and of the recipe are for."""
@@ -86,7 +89,7 @@ def read_head(folder: Path, schema: str) -> tuple[dict[str, Any], str]:
         raise TrainingError(f"{folder}/bundle.json: is not JSON ({error}). {CURE}") from error
     found = about.get("schema") if isinstance(about, dict) else about
     if found != schema:
-        raise TrainingError(f"{folder}/bundle.json: schema {found!r}; this version reads {schema!r}.")
+        raise TrainingError(f"{folder}/bundle.json: schema {found!r}; this version reads {schema!r}. {CURE}")
     for name, stated in about["files"].items():
         if hashlib.sha256(_bytes(folder / name)).hexdigest() != stated:
             raise TrainingError(f"{folder / name}: its digest is not the one in bundle.json. {CURE}")

@@ -74,7 +74,11 @@ def chosen_device(name: str) -> str:
         return name
     if not torch.cuda.is_available():
         raise TrainingError(f"--device is '{name}', but PyTorch finds no GPU here. Use --device cpu.")
-    name = f"cuda:{os.getenv('LOCAL_RANK', '0')}" if name == "cuda" else name
+    if name != "cuda" and int(os.getenv("WORLD_SIZE", "1")) > 1:
+        raise TrainingError(f"--device is '{name}', but torchrun gives each process its own GPU. Use --device cuda.")
+    name, count = f"cuda:{os.getenv('LOCAL_RANK', '0')}" if name == "cuda" else name, torch.cuda.device_count()
+    if name not in [f"cuda:{index}" for index in range(count)]:
+        raise TrainingError(f"there is no device '{name}'; PyTorch finds {count} GPUs here, from cuda:0 on.")
     torch.cuda.set_device(name)
     return name
 

@@ -28,7 +28,7 @@ from pipeline.learning.run_command import chosen_device, exit_status, pairs
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.config import DEFAULT, PAPER, RECIPE, changed_by_texts, preset
 
-NO_MEMORY = ("out of memory", "Failed to allocate")
+NO_MEMORY = ("out of memory", "Failed to allocate", "can't allocate memory", "ALLOC_FAILED")
 """Parts of what PyTorch and Warp raise as RuntimeError when memory is short."""
 
 

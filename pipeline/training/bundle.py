@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.learning.robot_facts import RobotFacts, read_head, read_robot_facts
+from pipeline.learning.robot_facts import CURE, RobotFacts, read_head, read_robot_facts
 from pipeline.learning.training_error import TrainingError
 
 SCHEMA = "booster-lab training bundle 2"
 FPS = 50.0
 TRACKER, REFERENCES = "tracker.npz", "references.npz"
 """Files that distillation needs; a bundle of a project without a tracker lacks them."""
-CURE = "Write the bundle again: dagster asset materialize --select t1/amp_policy, or of another robot."
 
 
 @dataclass(frozen=True, kw_only=True)

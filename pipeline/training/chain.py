@@ -47,7 +47,7 @@ STAGES = (DISTILLATION, AMP, VALIDATION)
 EXPORT = "export"
 CONFIG = "config.json"
 SETTINGS = ("options", "seed", "bundle_digest", "stages")
-"""Parts of `config.json` that must be equal for a run to continue."""
+"""Parts of `config.json` that must be equal for a run to continue; until it is trained, its number of processes too."""
 POLL_S = 1.0
 """How often other processes look whether the first one has distilled [s]."""
 
@@ -90,8 +90,8 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
     last = request.out / trained(stages)[-1]
     validation = _validation(bundle, request.out / VALIDATION, last) if VALIDATION in stages else None
     config = _config(bundle, request, stages)
-    _check_same_run(request.out, config)
     is_trained = all((request.out / name / DONE).is_file() for name in trained(stages))
+    _check_same_run(request.out, config, SETTINGS if is_trained else (*SETTINGS, "processes"))
     if first and not (is_trained and (request.out / CONFIG).is_file()):
         write_json(request.out / CONFIG, config)
     for name in trained(stages):
@@ -164,7 +164,7 @@ def _finish(bundle: Bundle, request: Request, stages: Sequence[str], validation:
     write_json(request.out / DONE, done)
 
 
-def _check_same_run(out: Path, config: dict[str, Any]) -> None:
+def _check_same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> None:
     """Raises TrainingError where the folder is of a run with other settings."""
     path = out / CONFIG
     if not path.is_file():
@@ -174,7 +174,7 @@ def _check_same_run(out: Path, config: dict[str, Any]) -> None:
     except ValueError as error:
         raise TrainingError(f"{path}: is not JSON ({error}). Give another --out.") from error
     asked = json.loads(json.dumps(config))
-    differs = [name for name in SETTINGS if known.get(name) != asked[name]]
+    differs = [name for name in settings if known.get(name) != asked[name]]
     if "options" in differs:
         before, now = known.get("options") or {}, asked["options"]
         changed = [name for name in now if before.get(name) != now[name]]

@@ -24,10 +24,11 @@ from pipeline.deployment import digest, load_policy
 from pipeline.files import atomic, settings
 from pipeline.learning.checkpoint import load_checkpoint
 from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.robot_facts import CURE
 from pipeline.learning.run_command import write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.training import policy_figures
-from pipeline.training.bundle import CURE, Bundle
+from pipeline.training.bundle import Bundle
 from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY
 from pipeline.validation.bars import read_validation
 from pipeline.validation.cross_engine import cross_engine

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shutil
 from pathlib import Path
 
 import pytest
 
-from benchmarks.ablation import arm_of, bars_of, draw, figures_of, planted_figures
-from pipeline.training.policy_figures import as_json, discriminator_figures
+from benchmarks.ablation import arm_of, bars_of, draw, figures_of, planted_figures, train
+from pipeline.training.policy_figures import as_json, discriminator_figures, style_figures
 from tests.factories.training_bundle import small_bundle
 
 SHIPPED = Path("robots/t1/policies/walk/policy.npz")
@@ -48,8 +49,36 @@ def test_figures_of_a_run_are_those_of_its_validation(tmp_path):
     (tmp_path / "validation").mkdir()
     found = as_json({"speed error": 0.04, "accuracy": math.nan})
     (tmp_path / "validation" / "figures.json").write_text(json.dumps({"figures": found}, allow_nan=False))
-    figures = figures_of(tmp_path, tmp_path, argparse.Namespace(planted=None))
+    figures = figures_of(tmp_path, tmp_path, argparse.Namespace(planted=None, style=None))
     assert figures == pytest.approx({"speed error": 0.04, "accuracy": math.nan}, nan_ok=True)
+
+
+def test_style_is_measured_from_one_bundle_for_all_arms(tmp_path, root, robot):
+    (tmp_path / "validation").mkdir()
+    found = {"style distance at 1.0 m/s": 0.0, "speed error": 0.04}
+    (tmp_path / "validation" / "figures.json").write_text(json.dumps({"figures": found}))
+    shutil.copy(root / SHIPPED, tmp_path / "policy.npz")
+    common = small_bundle(tmp_path / "common", root, robot)
+    figures = figures_of(tmp_path, tmp_path / "own", argparse.Namespace(planted=None, style=common))
+    assert figures["speed error"] == 0.04
+    measured = style_figures(common, tmp_path / "policy.npz")
+    assert {name: figures[name] for name in measured} == pytest.approx(measured, nan_ok=True)
+    assert figures["style distance at 1.0 m/s"] != 0.0
+
+
+@pytest.mark.parametrize(
+    ("option", "stages"),
+    [("ppo.entropy=0.01", ["distillation", "amp", "validation"]), ("distillation.iterations=0", ["amp", "validation"])],
+)
+def test_a_run_that_was_trained_elsewhere_is_validated_on_a_cpu(tmp_path, monkeypatch, option, stages):
+    commands: list[list[str]] = []
+    started = lambda command, **_: commands.append(command) or argparse.Namespace(returncode=0)  # noqa: E731
+    monkeypatch.setattr("benchmarks.ablation.subprocess.run", started)
+    train(arm_of(f"a=b,{option}"), 2, tmp_path, argparse.Namespace(minutes=8.5, device="cpu"))
+    (command,) = commands
+    at = command.index("--stages")
+    assert command[at + 1 : at + 1 + len(stages)] == stages
+    assert {option, "schedule.minutes=8.5"} <= set(command)
 
 
 def test_bars_are_means_and_ranges_over_seeds_without_those_that_fell(tmp_path):

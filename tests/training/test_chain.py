@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -123,6 +124,17 @@ def test_a_folder_of_another_run_is_refused(run, folder, capsys):
     assert "another ppo.entropy." in capsys.readouterr().err
 
 
+def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, capsys):
+    """Its steps and GPU time are counted by their number; a finished run may be validated by any."""
+    shutil.copytree(run, tmp_path / "run")
+    config = json.loads((tmp_path / "run" / "config.json").read_text())
+    (tmp_path / "run" / "config.json").write_text(json.dumps({**config, "processes": 4}))
+    assert main(command(folder, tmp_path / "run", *BOTH)) == 0
+    (tmp_path / "run" / "amp" / "done.json").unlink()
+    assert main(command(folder, tmp_path / "run", *BOTH)) == 2
+    assert "is of a run with another processes" in capsys.readouterr().err
+
+
 def test_from_scratch_no_stage_distils(folder, tmp_path, capsys):
     assert main(command(folder, tmp_path, distillation__iterations=0)) == 2
     assert "on a CPU only distillation is trained, and distillation.iterations is 0" in capsys.readouterr().err
@@ -141,7 +153,10 @@ def test_a_bundle_without_a_tracker_is_refused_with_what_to_do(tmp_path, root, r
     [
         (["--device", "cpu"], "--out is needed"),
         (["--bundle", "b", "--out", "o", "--device", "cpu", "--preset", "none"], "unknown preset 'none'"),
-        (["--bundle", "b", "--out", "o", "--device", "cpu"], "bundle.json: the file is missing"),
+        (
+            ["--bundle", "b", "--out", "o", "--device", "cpu"],
+            "bundle.json: the file is missing. Write the bundle again",
+        ),
         (["--bundle", "b", "--out", "o", "--device", "cuda"], "PyTorch finds no GPU here. Use --device cpu"),
     ],
 )
@@ -152,10 +167,30 @@ def test_a_wrong_request_gets_one_sentence(arguments, message, capsys, monkeypat
 
 
 @pytest.mark.parametrize(
+    ("device", "processes", "message"),
+    [
+        ("cuda:2", "1", "there is no device 'cuda:2'; PyTorch finds 2 GPUs here"),
+        ("gpu", "1", "there is no device 'gpu'"),
+        ("cuda", "4", "there is no device 'cuda:3'"),
+        ("cuda:0", "2", "torchrun gives each process its own GPU"),
+    ],
+)
+def test_a_gpu_that_is_not_there_gets_one_sentence(capsys, monkeypatch, device, processes, message):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setenv("WORLD_SIZE", processes)
+    monkeypatch.setenv("LOCAL_RANK", str(int(processes) - 1))
+    assert main(["--bundle", "b", "--out", "o", "--device", device]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     "error",
     [
         torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"),
         RuntimeError("Failed to allocate 9 bytes on device 'cuda:0'"),
+        RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes."),
+        RuntimeError("CUDA error: CUBLAS_STATUS_ALLOC_FAILED when calling `cublasCreate(handle)`"),
         MemoryError(),
     ],
 )

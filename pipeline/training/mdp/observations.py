@@ -1,8 +1,7 @@
 """Observations of actor and critic.
 
 The actor's 72 x 10 numbers are those of `pipeline/deployment/controller.py`, time-major, the oldest frame first, zeros
-before the episode; joints in the network's order. The critic observes the newest frame without noise, and
-what the rewards read besides.
+before the episode; joints in the network's order. The critic: the newest frame without noise, and what rewards read.
 """
 
 import torch
