@@ -14,7 +14,7 @@ different sets, `--style` names the bundle from which all are measured.
 The loop from hardware closes where a bundle of the database before and one of the database after an approved proposal
 are two arms, and `--planted` is the command that failed: copy `data/policies/<robot>/bundle`, validate with
 `--failures` or simulate the robot at that command, put the log into `data/hardware_logs`, approve the proposal
-(docs/closed_loop.md), and materialize `amp_policy`, which replaces the bundle by that of the new database.
+(docs/closed_loop.md), and materialize `amp_policy`, which replaces the bundle with that of the new database.
 """
 
 from __future__ import annotations
@@ -97,9 +97,10 @@ def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
     options = [*arm.options, *limit]
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(arm.bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", given.device]
-    if given.device == "cpu":  # where it would distil alone
-        first = [] if "distillation.iterations=0" in options else ["distillation"]
-        command += ["--stages", *first, "amp", "validation"]
+    if given.device == "cpu":
+        if not (folder / "amp" / "done.json").is_file():
+            raise SystemExit(f"{folder}: is not trained to its end. Train it on a GPU (--device cuda), or mend --out.")
+        command += ["--stages", "distillation", "amp", "validation"]
     command += [text for option in options for text in ("--set", option)]
     status = subprocess.run(command, cwd=ROOT, stdout=sys.stderr).returncode
     if status:

@@ -4,7 +4,7 @@
                                         [--json]
 
 Both begin with the same seed and get the same actions, without noise and pushes. After a few steps, some of them
-replayed, rewards and positions of robots whose episode continues are compared: on average, since rounding has
+replayed, rewards and motion features of robots whose episode continues are compared: on average, since rounding has
 grown in some by then. After more steps, in which episodes have ended, every robot whose episode begins at the last of
 them must have observed one frame only, be within its joints' limits and at a height to stand at. PyTorch counts how
 often the processor waits for the GPU, over as many steps as everything recurs in. Last, robots in the air must fall
@@ -49,7 +49,7 @@ class Run:
     """Result of one way of stepping; tensors of all robots (n, ...)."""
 
     reward: torch.Tensor
-    positions: torch.Tensor
+    features: torch.Tensor
     lived: torch.Tensor
     """Whether the first episode of each robot continued until here."""
     begun: int
@@ -75,7 +75,7 @@ def main() -> int:
     launched, replayed = (_run(given, captured) for captured in (False, True))
     alive = launched.lived & replayed.lived
     bars = [Bar(name="robots compared", value=int(alive.sum()), sense=">=", bound=1)]
-    for name in ("reward", "positions"):
+    for name in ("reward", "features"):
         ours, others = getattr(replayed, name)[alive], getattr(launched, name)[alive]
         away = float((ours - others).abs().mean() / others.abs().max())
         bars.append(
@@ -109,7 +109,7 @@ def _run(given: argparse.Namespace, captured: bool) -> Run:
         for _ in range(COMPARED):
             step()
             lived &= ~env.reset_buf
-        reward, positions = env.reward_buf.clone(), env.positions()
+        reward, features = env.reward_buf.clone(), env.motion_features()
         for _ in range(VELOCITY_STEPS * (WARM_UP + 2)):
             step()
         env.episode_length_buf[: max(1, given.num_envs // 8)] = env.max_episode_length
@@ -126,7 +126,7 @@ def _run(given: argparse.Namespace, captured: bool) -> Run:
     return Run(
         astray_m=astray_m,
         reward=reward,
-        positions=positions,
+        features=features,
         lived=lived,
         begun=int(begun.sum()),
         sound=int((begun & sound).sum()),

@@ -36,7 +36,7 @@ class Validate:
     robot: RobotName = "t1"
     ankle_kd: AnkleKd = None
     suite: Literal["quick", "full", "held-out"] = "quick"
-    """how many cells and trials; held-out: the full suite's cells with trials by which nothing was chosen"""
+    """how many cells and trials; held-out: the full suite's cells with trials that chose nothing"""
     json: File = None
     """write the verdict and all figures here"""
     failures: Folder = None

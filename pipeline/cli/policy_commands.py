@@ -10,7 +10,7 @@ from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.cli.policy_arguments import CrossEngine, Play, Validate
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
-from pipeline.errors import FileError, UnknownNameError
+from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.files.csv_json import write_json
 from pipeline.project import Project, find_project
 from pipeline.robot import load_robot
@@ -19,7 +19,7 @@ from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.failed_trials import refuse_foreign, remove_earlier, write_failed_trials
 from pipeline.validation.figures import measure
-from pipeline.validation.suites import cells_of
+from pipeline.validation.suites import HELD_OUT, cells_of
 from pipeline.validation.verdict import as_text, judge, table
 
 EXPORTED = "policy.npz"
@@ -30,6 +30,8 @@ FAILED = 3
 
 def validate_policy(args: Validate) -> int:
     """Measure, evaluate, report."""
+    if args.failures and args.suite == HELD_OUT:
+        raise PipelineError("logs of held-out trials would choose the next database. Leave --failures out.")
     project = find_project()
     folder = robot_folder(project, args.robot)
     bars = project.validation(args.robot)

@@ -105,7 +105,7 @@ def _check_seal(path: Path, value: dict[str, Any]) -> None:
 
 def page(card: ModelCard) -> str:
     """The card as Markdown; text of it is shown as text, whatever HTML it holds."""
-    lines = [f"| {name} | {plain(value)} |" for name, value in card_rows(card).items()]
+    lines = [f"| {plain(name)} | {plain(value)} |" for name, value in card_rows(card).items()]
     return "\n".join([f"# {plain(card.name)}", "", "| | |", "|---|---|", *lines, ""])
 
 
@@ -116,6 +116,7 @@ def card_rows(card: ModelCard) -> dict[str, str]:
     changed = ", ".join(f"{name}={value}" for name, value in card.run.get("changed", {}).items())
     preset = run.get("preset", missing) + (f" with {changed}" if changed else "")
     return {
+        **_figure_rows(card),
         "robot": card.robot,
         "run": run.get("name", missing),
         "commit": run.get("commit", missing),
@@ -134,27 +135,31 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         "parity": f"ONNX {card.parity['onnx']:.1e} ({card.parity['runtime']}), "
         f"TorchScript {card.parity['torch_script']:.1e}, over {card.parity['observations']} observations",
         "digest": card.digest,
-        **_figure_rows(card),
     }
 
 
 def _minutes(facts: dict[str, Any]) -> str:
     seconds = facts.get("gpu_seconds")
-    return "not stated" if seconds is None else f"{seconds / 60.0:.1f}"
+    return f"{seconds / 60.0:.1f}" if isinstance(seconds, (int, float)) else "not stated"
 
 
 def _figure_rows(card: ModelCard) -> dict[str, str]:
-    """Each measured figure with those of the recipe's other seeds, and the verdict by trials that chose nothing."""
-    others, unseen = card.figures.get(OTHER_SEEDS, {}), card.figures.get(HELD_OUT)
-    rows = {f"GPU minutes, seed {seed}": _minutes(other) for seed, other in others.items()}
-    figures = card.figures.get("figures", {})
-    for name, value in figures.items():
-        beside = [f"seed {seed}: {_shown(other['figures'].get(name))}" for seed, other in others.items()]
-        rows[name] = _shown(value) + (f" ({', '.join(beside)})" if beside else "")
+    """Measured figures with those of the recipe's other seeds, and the held-out trials. Figures may be any JSON."""
+    own, others, unseen = (_object(card.figures.get(key)) for key in ("figures", OTHER_SEEDS, HELD_OUT))
+    seeds = {seed: _object(facts) for seed, facts in others.items()}
+    measured = {seed: _object(facts.get("figures")) for seed, facts in seeds.items()}
+    rows = {f"GPU minutes, seed {seed}": _minutes(facts) for seed, facts in seeds.items()}
+    for name in dict.fromkeys(name for figures in (own, *measured.values()) for name in figures):
+        beside = ", ".join(f"seed {seed}: {_shown(figures.get(name))}" for seed, figures in measured.items())
+        rows[name] = _shown(own.get(name)) + (f" ({beside})" if beside else "")
     if unseen:
-        rows["held-out trials"] = f"{unseen['passed']} of {unseen['required']} required cells"
+        rows["held-out trials"] = f"{unseen.get('passed')} of {unseen.get('required')} required cells"
     return rows
 
 
-def _shown(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
+def _object(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, (int, float)) else "-" if value is None else str(value)

@@ -4,12 +4,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from pipeline.deployment import Policy, digest
 from pipeline.export.card import HELD_OUT
 from pipeline.export.metadata import BUNDLE, CONFIG, DONE, ExportError, read_json
 
 FIGURES = "validation/figures.json"
 """Of a training run (`pipeline.training.validation_stage`)."""
-RECIPE = ("options", "stages", "processes", BUNDLE)
+RECIPE = ("commit", "preset", "options", "stages", "processes", BUNDLE)
 """Settings in which runs of one recipe agree."""
 VALIDATE = "Write one: booster-lab validate POLICY --suite held-out --json FILE"
 
@@ -36,20 +37,31 @@ def other_seeds(run: Path, others: Iterable[Path]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def held_out(path: Path, policy: str) -> dict[str, Any]:
+def held_out(path: Path, policy: Policy) -> dict[str, Any]:
     """How many required cells of the suite `held-out` a policy passed, and why not the others.
 
     Args:
         path: verdict, as `booster-lab validate --json` writes it
-        policy: digest of the policy
+        policy: the policy
 
-    Raises FileError for a file that is no JSON object, ExportError for another suite's verdict or another policy's.
+    Raises FileError for a file that is no JSON object, ExportError for another suite's verdict, another policy's, or
+    one with other gains.
     """
     verdict = read_json(path, do=VALIDATE)
     if verdict.get("suite") != HELD_OUT:
         raise ExportError(f"{path}: is no verdict of the suite held-out. {VALIDATE}")
-    if verdict.get("policy") != policy:
+    if verdict.get("policy") != digest(policy):
         raise ExportError(f"{path}: is the verdict on another policy ({str(verdict.get('policy'))[:12]}). {VALIDATE}")
+    if verdict.get("gains") != _gains(policy):
+        raise ExportError(f"{path}: is a verdict with other gains than the policy's own. {VALIDATE}")
     words = [cell["verdict"] for cell in verdict["cells"]]
     passed, failed = words.count("passed"), words.count("failed")
     return {"passed": passed, "required": passed + failed, "reasons": verdict["reasons"]}
+
+
+def _gains(policy: Policy) -> dict[str, dict[str, float]]:
+    """Gains of each joint in the verdict's form (`pipeline.validation.deployed`)."""
+    if policy.gains is None:
+        return {}
+    pairs = zip(policy.gains.kp.tolist(), policy.gains.kd.tolist(), strict=True)
+    return {name: {"kp": kp, "kd": kd} for name, (kp, kd) in zip(policy.gains.joint_names, pairs, strict=True)}

@@ -101,7 +101,7 @@ def source_of_run(
     if beside:
         measured = {**(measured or {}), OTHER_SEEDS: other_seeds(run, beside)}
     if unseen is not None:
-        measured = {**(measured or {}), HELD_OUT: held_out(unseen, digest(load_policy(network)))}
+        measured = {**(measured or {}), HELD_OUT: held_out(unseen, load_policy(network))}
     return Source(
         policy=network,
         run=training_run(run, stated),

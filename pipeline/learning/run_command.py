@@ -78,7 +78,8 @@ def chosen_device(name: str) -> str:
         raise TrainingError(f"--device is '{name}', but torchrun gives each process its own GPU. Use --device cuda.")
     name, count = f"cuda:{os.getenv('LOCAL_RANK', '0')}" if name == "cuda" else name, torch.cuda.device_count()
     if name not in [f"cuda:{index}" for index in range(count)]:
-        raise TrainingError(f"there is no device '{name}'; PyTorch finds {count} GPUs here, from cuda:0 on.")
+        do = f"Use --device cuda, and at most {count} of torchrun's processes (--nproc-per-node)."
+        raise TrainingError(f"there is no device '{name}': PyTorch finds cuda:0 to cuda:{count - 1} here. {do}")
     torch.cuda.set_device(name)
     return name
 

@@ -180,7 +180,8 @@ def _check_same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) 
         changed = [name for name in now if before.get(name) != now[name]]
         differs = [name for name in differs if name != "options"] + changed
     if differs:
-        raise TrainingError(f"{out}: is of a run with another {', '.join(differs)}. Give another --out.")
+        shown = ", ".join(differs).replace("processes", "number of processes")
+        raise TrainingError(f"{out}: is of a run with another {shown}. Repeat its own command, or give another --out.")
 
 
 def command_of(bundle: Bundle, request: Request, stages: Sequence[str]) -> str:

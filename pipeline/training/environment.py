@@ -246,13 +246,13 @@ class AmpEnvironment(ManagerBasedRlEnv):
         replace(self.episode_length_buf, mask, 0)
 
     def _observe(self) -> None:
-        """Commands grow older, then observations, motion windows and figures are computed."""
+        """Commands grow older, then observations, motion windows and figures. mjlab's `reset` records no positions."""
         self.command_manager.compute(dt=self.step_dt * ~self.reset_buf)
         self._groups = self.observation_manager.compute(update_history=True)
         self._positions.copy_(torch.cat([self._positions[:, 1:], self.positions()[:, None]], dim=1))
         self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
         self.extras["motion"] = self._motion
-        whole, quiet = self.episode_length_buf > self._motion.shape[1], self.steps_since_push >= AFTER_CHANGE_STEPS
+        whole, quiet = self.episode_length_buf > self._motion.shape[1] + 1, self.steps_since_push >= AFTER_CHANGE_STEPS
         self.extras["motion_valid"] = whole & quiet
         if self._with_command:
             constant = (self._motion[:, 0, -3:] == self.command).all(dim=1)
@@ -269,8 +269,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     def positions(self) -> torch.Tensor:
         """Of the current states, for the discriminator's features (n, 24 + a)."""
-        state = self.robot_state
-        joint_pos = state.joint_pos[:, self.controlled_index]
+        state, joint_pos = self.robot_state, self.robot_state.joint_pos[:, self.controlled_index]
         return positions(state.root_pos_w, state.root_rotation_w, joint_pos, state.ends_pos_w)
 
     def motion_features(self) -> torch.Tensor:

@@ -57,8 +57,8 @@ class Trials:
 
 JUDGED = Trials(seeds=(1, 2, 3, 4, 5), starts=range(1, 21), shift=0.0)
 """Of the suites by which a policy is judged."""
-UNSEEN = Trials(seeds=(11, 12, 13, 14, 15), starts=range(21, 41), shift=0.3)
-"""Of the suite `held-out`: none is in another suite or in the sweep by which a checkpoint is chosen."""
+UNSEEN = Trials(seeds=(11, 12, 13, 14, 15), starts=range(21, 41), shift=0.6)
+"""Of the suite `held-out`: none is in another suite, or in the sweep that chooses a checkpoint."""
 
 
 def push_cells(

@@ -1,6 +1,7 @@
 """A trial as a rollout in MuJoCo."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import mujoco
@@ -57,8 +58,8 @@ def walk(worlds: Worlds, trial: Trial, stop_on_fall: bool = True) -> Rollout:
 class Branches:
     """Rollouts of trials that differ only in their event: the common part before it is simulated once.
 
-    The rollout of such a trial begins at the event; its bits are those of the complete rollout. Trials with the same
-    prefix have to be consecutive.
+    The rollout of such a trial begins with the control step of the event; its bits are those of the complete rollout.
+    Trials with the same prefix have to be consecutive.
     """
 
     def __init__(self, worlds: Worlds):
@@ -70,7 +71,8 @@ class Branches:
         """Like `walk` with `stop_on_fall`, reusing the prefix if it can be shared."""
         if not shares_prefix(trial):
             return walk(self.worlds, trial)
-        plant, until_s = self.worlds.plant(trial.conditions), trial.events[0].start_s
+        plant, rate_hz = self.worlds.plant(trial.conditions), self.worlds.one.task.control_hz
+        until_s = math.floor(trial.events[0].start_s * rate_hz + 1e-6) / rate_hz  # a rollout begins with a control step
         if prefix_of(trial) != self._key:
             controller = self.worlds.one.controller()
             prefix = dataclasses.replace(trial, events=(), seconds=until_s)

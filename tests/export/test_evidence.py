@@ -1,5 +1,6 @@
 """A card states figures of the recipe's other seeds and of held-out trials, and refuses those of others."""
 
+import argparse
 import json
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from pipeline.deployment import digest, load_policy
 from pipeline.export.__main__ import main
 from pipeline.export.card import read_card
+from pipeline.validation.deployed import Deployed
 from tests.factories.networks import network_file
 
 BUNDLE = {"database_digest": "d" * 64, "licence": {"strictest": "attribution", "allowed_use": "Any use."}}
@@ -32,8 +34,10 @@ def write(path, value):
 def verdict(path, run, **changed):
     words = ["passed"] * 3 + ["failed"] + ["not required"] * 2
     cells = [{"cell": str(at), "verdict": word, "reasons": []} for at, word in enumerate(words)]
-    policy = digest(load_policy(run / "policy.npz"))
-    return write(path, {"suite": "held-out", "policy": policy, "cells": cells, "reasons": ["vx: slow"], **changed})
+    policy = load_policy(run / "policy.npz")
+    gains = Deployed.gains(argparse.Namespace(task=policy.gains))  # as `booster-lab validate` writes them
+    facts = {"suite": "held-out", "policy": digest(policy), "gains": gains, "cells": cells, "reasons": ["vx: slow"]}
+    return write(path, {**facts, **changed})
 
 
 @pytest.fixture
@@ -73,6 +77,11 @@ def test_a_run_of_another_recipe_and_a_seed_that_comes_twice_are_refused(tmp_pat
     other = run_of(tmp_path / "other", robot, 4, 100.0, **{"ppo.init_std": 0.5})
     assert exported(tmp_path, runs, "--beside", other)[0] == 2
     assert "its options differ from those of" in capsys.readouterr().err
+    later = run_of(tmp_path / "later", robot, 5, 100.0)
+    config = json.loads((later / "config.json").read_text())
+    write(later / "config.json", {**config, "commit": "of another version"})
+    assert exported(tmp_path, runs, "--beside", later)[0] == 2
+    assert "its commit differ from those of" in capsys.readouterr().err
     assert exported(tmp_path, runs, "--beside", runs[1], runs[1])[0] == 2
     assert "seed 2 is already there" in capsys.readouterr().err
     assert exported(tmp_path, runs, "--beside", runs[0])[0] == 2
@@ -89,7 +98,11 @@ def test_a_run_without_validation_is_refused(tmp_path, runs, capsys):
 
 @pytest.mark.parametrize(
     ("changed", "said"),
-    [({"suite": "full"}, "no verdict of the suite held-out"), ({"policy": "0" * 64}, "another policy")],
+    [
+        ({"suite": "full"}, "no verdict of the suite held-out"),
+        ({"policy": "0" * 64}, "another policy"),
+        ({"gains": {}}, "other gains"),
+    ],
 )
 def test_a_verdict_by_another_suite_or_on_another_policy_is_refused(tmp_path, runs, capsys, changed, said):
     unseen = verdict(tmp_path / "unseen.json", runs[0], **changed)

@@ -245,6 +245,15 @@ def test_the_page_of_a_card_has_no_markup_of_its_values():
     assert command.endswith("--seed 1 |") and "<" not in command
 
 
+def test_a_page_shows_figures_of_any_form_without_markup_and_before_the_facts():
+    hostile = "<script>x</script> | [a](http://b)"
+    figures = {"figures": {hostile: hostile, "may ship": 1.0, "cells": [3]}, "other seeds": {hostile: 4}, "held-out": 5}
+    lines = page(ModelCard(**{**vars(CARD), "figures": figures, "parity": PARITY})).splitlines()
+    assert not [line for line in lines if "<" in line or "](" in line.replace("\\[a](", "")]
+    assert len([line for line in lines if line.startswith("| may ship |")]) == 1
+    assert "| may ship | yes." in "\n".join(lines) or "| may ship | no." in "\n".join(lines)
+
+
 NO_CARD = f"is no card of schema '{SCHEMA}'"
 
 

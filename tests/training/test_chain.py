@@ -119,7 +119,7 @@ def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, m
 
 def test_a_folder_of_another_run_is_refused(run, folder, capsys):
     assert main([*command(folder, run, *BOTH), "--seed", "7"]) == 2
-    assert "is of a run with another seed. Give another --out." in capsys.readouterr().err
+    assert "is of a run with another seed. Repeat its own command, or give another --out." in capsys.readouterr().err
     assert main(command(folder, run, *BOTH, ppo__entropy=0.5)) == 2
     assert "another ppo.entropy." in capsys.readouterr().err
 
@@ -132,7 +132,7 @@ def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, c
     assert main(command(folder, tmp_path / "run", *BOTH)) == 0
     (tmp_path / "run" / "amp" / "done.json").unlink()
     assert main(command(folder, tmp_path / "run", *BOTH)) == 2
-    assert "is of a run with another processes" in capsys.readouterr().err
+    assert "another number of processes. Repeat its own command" in capsys.readouterr().err
 
 
 def test_from_scratch_no_stage_distils(folder, tmp_path, capsys):
@@ -169,7 +169,7 @@ def test_a_wrong_request_gets_one_sentence(arguments, message, capsys, monkeypat
 @pytest.mark.parametrize(
     ("device", "processes", "message"),
     [
-        ("cuda:2", "1", "there is no device 'cuda:2'; PyTorch finds 2 GPUs here"),
+        ("cuda:2", "1", "there is no device 'cuda:2': PyTorch finds cuda:0 to cuda:1 here"),
         ("gpu", "1", "there is no device 'gpu'"),
         ("cuda", "4", "there is no device 'cuda:3'"),
         ("cuda:0", "2", "torchrun gives each process its own GPU"),

@@ -182,10 +182,11 @@ def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env, rate)
     env.reset()
     span = env._motion.shape[1]
     env.velocity_command.age.fill_(AFTER_CHANGE_S)
-    for step in range(1, span + 3):
+    for step in range(1, span + 4):
         *_, extras = env.step(torch.zeros(ENVS, 21))
         kept = env.episode_length_buf == step
-        assert torch.equal(extras["motion_valid"][kept], torch.full_like(kept[kept], step > span))
+        assert torch.equal(extras["motion_valid"][kept], torch.full_like(kept[kept], step > span + 1))
+        assert (extras["motion"][extras["motion_valid"]].abs() < 20.0).all(), "a velocity across the reset"
     env._reset_idx(torch.tensor([0]))
     *_, extras = env.step(torch.zeros(ENVS, 21))
     assert not extras["motion_valid"][0]
@@ -196,13 +197,13 @@ def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, ra
     rate.fill_(size)
     env.reset()
     span, steps, seen = env._motion.shape[1], round(AFTER_CHANGE_S / env.step_dt), []
-    env.episode_length_buf.fill_(span + 1)
+    env.episode_length_buf.fill_(span + 2)
     env.velocity_command.time_left.fill_(1e-3)
     read = 0
     for step in range(1, 4 * steps):
         *_, extras = env.step(torch.zeros(ENVS, 21))
         seen.append(env.command.clone())
-        kept = env.episode_length_buf == span + 1 + step
+        kept = env.episode_length_buf == span + 2 + step
         constant = torch.stack([(each == seen[-1]).all(dim=1) for each in seen[-span:]]).all(dim=0)
         if step != steps:  # the age is a sum of rounded steps
             assert torch.equal(extras["motion_valid"][kept], (constant & (step > steps))[kept])
@@ -213,7 +214,7 @@ def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, ra
 def test_without_commands_a_new_command_makes_no_window_invalid(bundle):
     env = AmpEnvironment(bundle, RECIPE.changed({**QUIET, "discriminator.by_command": False}), "cpu", seed=1)
     env.reset()
-    steps = env._motion.shape[1] + 2
+    steps = env._motion.shape[1] + 3
     for _ in range(steps):
         *_, extras = env.step(torch.zeros(ENVS, 21))
         assert (env.velocity_command.age < AFTER_CHANGE_S).all()

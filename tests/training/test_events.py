@@ -173,7 +173,7 @@ def test_the_discriminator_reads_no_window_soon_after_a_push(bundle, push):
         began = (timer._left_s > left_s) & ~new
         since = torch.where(began, 0, torch.where(new, 10_000, since + 1))
         settled = env.velocity_command.age >= AFTER_CHANGE_S
-        wanted = (env.episode_length_buf > span) & (since >= AFTER_CHANGE_STEPS) & settled
+        wanted = (env.episode_length_buf > span + 1) & (since >= AFTER_CHANGE_STEPS) & settled
         assert torch.equal(extras["motion_valid"], wanted)
         read += int((wanted & (since < 10_000)).sum())
         if push == "impulse_n_s":

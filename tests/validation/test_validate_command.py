@@ -72,6 +72,19 @@ def test_a_policy_that_passes_ends_with_zero(
 
 
 @pytest.mark.usefixtures("one_push")
+def test_held_out_trials_leave_no_logs_from_which_a_database_would_learn(
+    still: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    _bars(monkeypatch, 0.5)
+    asked = ["validate", str(still), "--suite", "held-out", "--json", str(tmp_path / "said.json")]
+    assert main([*asked, "--failures", str(tmp_path / "failures")]) == 1
+    assert "would choose the next database. Leave --failures out." in capsys.readouterr().err
+    assert not (tmp_path / "failures").exists()
+    assert main(asked) == 3
+    assert json.loads((tmp_path / "said.json").read_text())["suite"] == "held-out"
+
+
+@pytest.mark.usefixtures("one_push")
 def test_what_passes_now_leaves_no_log_of_when_it_failed(
     robot: Robot, still: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -2,8 +2,8 @@
 
 60 numbers for 21 joints: q, hands and feet in the trunk's frame, trunk velocities in its own frame, dq. Velocities of
 both are central differences of positions, as `pipeline/expert/frames.py` has them: the simulator's differ by the
-vibration within two control steps, by which a discriminator would know the policy. The discriminator reads all features
-or those of the legs and the trunk.
+vibration within two control steps, from which a discriminator could tell the policy. The discriminator reads all
+features or those of the legs and the trunk.
 """
 
 import torch
