@@ -1,5 +1,13 @@
 """What runs on the robot: observation, network, joint targets. Used by engines, exports and logs; needs only numpy."""
 
 from pipeline.deployment.controller import History, PolicyController, Reading, frame
-from pipeline.deployment.policy import Policy, PolicyGains, digest, find_policy, load_policy, save_policy
+from pipeline.deployment.policy import (
+    Policy,
+    PolicyGains,
+    digest,
+    find_policy,
+    gains_by_joint,
+    load_policy,
+    save_policy,
+)
 from pipeline.deployment.task import DeploymentTask, deployment_task, policy_task

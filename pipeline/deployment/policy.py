@@ -6,7 +6,7 @@ gains it was trained with as `joint_names, kp, kd, default_joint_pos`, and examp
 
 import io
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +39,12 @@ class PolicyGains:
     """[N m s/rad]"""
     default_joint_pos: Float[np.ndarray, " j"]
     """[rad]"""
+
+
+def gains_by_joint(joint_names: Sequence[str], kp: np.ndarray, kd: np.ndarray) -> dict[str, dict[str, float]]:
+    """`kp` (j,) [N m/rad] and `kd` (j,) [N m s/rad] of each joint, as JSON types."""
+    pairs = zip(kp.tolist(), kd.tolist(), strict=True)
+    return {name: {"kp": kp, "kd": kd} for name, (kp, kd) in zip(joint_names, pairs, strict=True)}
 
 
 @dataclass(frozen=True, kw_only=True)

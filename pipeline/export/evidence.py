@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from pipeline.deployment import Policy, digest
+from pipeline.deployment import Policy, digest, gains_by_joint
 from pipeline.export.card import HELD_OUT
 from pipeline.export.metadata import BUNDLE, CONFIG, DONE, ExportError, read_json
 
@@ -26,7 +26,9 @@ def other_seeds(run: Path, others: Iterable[Path]) -> dict[str, dict[str, Any]]:
         config = read_json(other / CONFIG)
         differs = [name for name in RECIPE if config.get(name) != own.get(name)]
         if differs:
-            raise ExportError(f"{other}: its {', '.join(differs)} differ from those of {run}, so it is no other seed.")
+            raise ExportError(
+                f"{other}: differs from {run} in {', '.join(differs)}, so it is no other seed of its recipe."
+            )
         if config["seed"] in seeds:
             raise ExportError(f"{other}: seed {config['seed']} is already there. Name each seed once.")
         seeds.add(config["seed"])
@@ -52,16 +54,9 @@ def held_out(path: Path, policy: Policy) -> dict[str, Any]:
         raise ExportError(f"{path}: is no verdict of the suite held-out. {VALIDATE}")
     if verdict.get("policy") != digest(policy):
         raise ExportError(f"{path}: is the verdict on another policy ({str(verdict.get('policy'))[:12]}). {VALIDATE}")
-    if verdict.get("gains") != _gains(policy):
+    own = policy.gains
+    if own is None or verdict.get("gains") != gains_by_joint(own.joint_names, own.kp, own.kd):
         raise ExportError(f"{path}: is a verdict with other gains than the policy's own. {VALIDATE}")
     words = [cell["verdict"] for cell in verdict["cells"]]
     passed, failed = words.count("passed"), words.count("failed")
     return {"passed": passed, "required": passed + failed, "reasons": verdict["reasons"]}
-
-
-def _gains(policy: Policy) -> dict[str, dict[str, float]]:
-    """Gains of each joint in the verdict's form (`pipeline.validation.deployed`)."""
-    if policy.gains is None:
-        return {}
-    pairs = zip(policy.gains.kp.tolist(), policy.gains.kd.tolist(), strict=True)
-    return {name: {"kp": kp, "kd": kd} for name, (kp, kd) in zip(policy.gains.joint_names, pairs, strict=True)}

@@ -160,7 +160,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._with_command = config.discriminator.by_command
         size = len(self.columns) + 3 * self._with_command
         self._motion = torch.zeros(self.num_envs, config.discriminator.frames, size, device=self.device)
-        self._positions = self.positions()[:, None].repeat(1, 3, 1)
+        self._positions = self.positions()[:, None].repeat(1, 3, 1)  # of the last three steps, the newest last
         super().load_managers()
         self.record = Record(self.device, self.reward_manager.active_terms)
 

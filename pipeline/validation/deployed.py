@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.actuators.adapted_robot import TABLE, read_actuators, torque_envelope
-from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy_task
+from pipeline.deployment import DeploymentTask, Policy, PolicyController, gains_by_joint, policy_task
 from pipeline.errors import PipelineError
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.legs import legs_of
@@ -42,9 +42,8 @@ class Deployed:
         self.controller()  # a misfit is found here rather than in a worker
 
     def gains(self) -> dict[str, dict[str, float]]:
-        """`kp` [N m/rad] and `kd` [N m s/rad] of each joint; a policy's digest does not cover them."""
-        pairs = zip(self.task.kp.tolist(), self.task.kd.tolist(), strict=True)
-        return {name: {"kp": kp, "kd": kd} for name, (kp, kd) in zip(self.task.joint_names, pairs, strict=True)}
+        """`kp` [N m/rad] and `kd` [N m s/rad] of each joint; they may be others than those in the policy's digest."""
+        return gains_by_joint(self.task.joint_names, self.task.kp, self.task.kd)
 
     def controller(self) -> PolicyController:
         return PolicyController(self.task, self.policy)

@@ -49,6 +49,7 @@ class Trials:
     """Which trials the cells of a suite have."""
 
     seeds: tuple[int, ...]
+    """Of all trials but perturbed starts and pushes."""
     starts: Sequence[int]
     """Seeds of perturbed starts."""
     shift: float

@@ -76,12 +76,12 @@ def test_the_card_states_other_seeds_and_held_out_trials(tmp_path, runs):
 def test_a_run_of_another_recipe_and_a_seed_that_comes_twice_are_refused(tmp_path, runs, robot, capsys):
     other = run_of(tmp_path / "other", robot, 4, 100.0, **{"ppo.init_std": 0.5})
     assert exported(tmp_path, runs, "--beside", other)[0] == 2
-    assert "its options differ from those of" in capsys.readouterr().err
+    assert "in options, so it is no seed of its recipe" in capsys.readouterr().err
     later = run_of(tmp_path / "later", robot, 5, 100.0)
     config = json.loads((later / "config.json").read_text())
     write(later / "config.json", {**config, "commit": "of another version"})
     assert exported(tmp_path, runs, "--beside", later)[0] == 2
-    assert "its commit differ from those of" in capsys.readouterr().err
+    assert "in commit, so it is no seed of its recipe" in capsys.readouterr().err
     assert exported(tmp_path, runs, "--beside", runs[1], runs[1])[0] == 2
     assert "seed 2 is already there" in capsys.readouterr().err
     assert exported(tmp_path, runs, "--beside", runs[0])[0] == 2

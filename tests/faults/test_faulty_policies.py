@@ -249,9 +249,8 @@ def test_a_page_shows_figures_of_any_form_without_markup_and_before_the_facts():
     hostile = "<script>x</script> | [a](http://b)"
     figures = {"figures": {hostile: hostile, "may ship": 1.0, "cells": [3]}, "other seeds": {hostile: 4}, "held-out": 5}
     lines = page(ModelCard(**{**vars(CARD), "figures": figures, "parity": PARITY})).splitlines()
-    assert not [line for line in lines if "<" in line or "](" in line.replace("\\[a](", "")]
-    assert len([line for line in lines if line.startswith("| may ship |")]) == 1
-    assert "| may ship | yes." in "\n".join(lines) or "| may ship | no." in "\n".join(lines)
+    assert not [line for line in lines if "<" in line or " [a]" in line]
+    assert [line for line in lines if line.startswith("| may ship |")] == ["| may ship | no. nobody asked. |"]
 
 
 NO_CARD = f"is no card of schema '{SCHEMA}'"

@@ -115,8 +115,8 @@ def test_windows_have_the_velocities_of_the_positions_that_were_walked(env):
     for step in range(6):
         env.step(0.5 * torch.randn(ENVS, 21, generator=torch.Generator().manual_seed(step)))
         assert not env.reset_buf.any()
-        walked.append([env.robot_state.joint_pos[:, index].clone(), env.robot_state.root_pos_w.clone(), env.command])
-    joint_pos, root_pos, _ = zip(*walked, strict=True)
+        walked.append((env.robot_state.joint_pos[:, index].clone(), env.robot_state.root_pos_w.clone()))
+    joint_pos, root_pos = zip(*walked, strict=True)
     newest = env._motion[:, -1]
     torch.testing.assert_close(newest[:, :21], joint_pos[-2])
     torch.testing.assert_close(newest[:, 39:60], (joint_pos[-1] - joint_pos[-3]) / (2.0 * env.step_dt))
