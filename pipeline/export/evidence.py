@@ -26,9 +26,7 @@ def other_seeds(run: Path, others: Iterable[Path]) -> dict[str, dict[str, Any]]:
         config = read_json(other / CONFIG)
         differs = [name for name in RECIPE if config.get(name) != own.get(name)]
         if differs:
-            raise ExportError(
-                f"{other}: differs from {run} in {', '.join(differs)}, so it is no seed of its recipe."
-            )
+            raise ExportError(f"{other}: differs from {run} in {', '.join(differs)}, so it is no seed of its recipe.")
         if config["seed"] in seeds:
             raise ExportError(f"{other}: seed {config['seed']} is already there. Name each seed once.")
         seeds.add(config["seed"])
