@@ -23,6 +23,8 @@ from assets.training_process import (
     validation_of,
 )
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.expert import manifest
+from pipeline.expert.swap import current
 from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
 from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
@@ -112,10 +114,11 @@ def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> Non
 
 
 def _trained_on(run: Run, project: Project, robot: str) -> str:
-    """Digest of bundle and adapted robot; the bundle states the digests of its files."""
-    adapted = project.adapted_robot(robot)
+    """Digest of database, bundle and adapted robot; the first two state the digests of their files."""
+    adapted, database = project.adapted_robot(robot), current(project.expert_db(robot))
     files = [path for path in adapted.rglob("*") if path.is_file()]
-    return digest.of_json([digest.of_files(sorted(files), adapted), digest.of_file(run.bundle / "bundle.json")])
+    stated = [digest.of_file(path) for path in (database / manifest.FILE, run.bundle / "bundle.json")]
+    return digest.of_json([digest.of_files(sorted(files), adapted), *stated])
 
 
 def run_facts(run: Run, robot: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ different sets, `--style` names the bundle from which all are measured.
 The loop from hardware closes where a bundle of the database before and one of the database after an approved proposal
 are two arms, and `--planted` is the command that failed: copy `data/policies/<robot>/bundle`, validate with
 `--failures` or simulate the robot at that command, put the log into `data/hardware_logs`, approve the proposal
-(docs/closed_loop.md), and materialize `amp_policy`, which replaces the bundle with that of the new database.
+(docs/closed_loop.md), and materialize `<robot>/amp_policy`, which replaces the bundle with that of the new database.
 """
 
 from __future__ import annotations

@@ -199,7 +199,7 @@ class ScheduleConfig:
     """Length of AMP + PPO, and ramps as shares of it."""
 
     iterations: int = option(8000, "iterations of 24 control steps", "count", "65 minutes of one H100", 1, 1_000_000)
-    minutes: float = option(45.0, "training ends after this time; 0: iterations alone", "min", "90 in all", 0.0, 1e5)
+    minutes: float = option(45.0, "training ends after this time; 0: iterations alone", "min", "bar: 90", 0.0, 1e5)
     style_ramp: tuple[float, float] = share(
         (0.02, 0.06), "the style reward grows to its share", source="after the critic has learned"
     )
@@ -220,7 +220,7 @@ class DistillationConfig:
         0,
         1_000_000,
     )
-    minutes: float = option(4.0, "distillation ends after this time; 0: iterations alone", "min", "90 in all", 0.0, 1e5)
+    minutes: float = option(4.0, "distillation ends after this time; 0: iterations alone", "min", "bar: 90", 0.0, 1e5)
     speed_tolerance: float = option(
         0.2,
         "a clip whose rollout is slower or faster than its reference by more is left out",

@@ -56,20 +56,24 @@ def test_without_a_lock_nothing_is_left_or_taken(project):
     assert not (project.store.root / "lock").exists()
 
 
-@pytest.mark.parametrize("changed", ["robot", "bundle", None])
+@pytest.mark.parametrize("changed", ["robot", "database", "bundle", None])
 def test_a_training_leaves_the_store_and_refuses_inputs_that_became_others(project, monkeypatch, changed):
-    adapted, bundle = project.adapted_robot("t1"), project.policies("t1") / "bundle"
-    for folder, name in ((adapted, "actuators.csv"), (bundle, "bundle.json")):
-        folder.mkdir(parents=True)
-        (folder / name).write_text("first")
+    bundle = project.policies("t1") / "bundle"
+    inputs = {
+        "robot": project.adapted_robot("t1") / "actuators.csv",
+        "database": project.expert_db("t1") / "manifest.json",
+        "bundle": bundle / "bundle.json",
+    }
+    for path in inputs.values():
+        path.parent.mkdir(parents=True)
+        path.write_text("first")
     run: Any = SimpleNamespace(folder=project.policy_runs("t1") / "seed1", bundle=bundle)
     seen = []
 
     def train(run, root, lock, log):
         seen.append(is_free(project))
         if changed:
-            path = adapted / "actuators.csv" if changed == "robot" else bundle / "bundle.json"
-            path.write_text("second")
+            inputs[changed].write_text("second")
 
     monkeypatch.setattr(amp_policy, "train", train)
     with _one_run_at_a_time(context_of("a")):
