@@ -114,10 +114,11 @@ def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> Non
 
 
 def _trained_on(run: Run, project: Project, robot: str) -> str:
-    """Digest of database, bundle and adapted robot; the first two state the digests of their files."""
+    """Digest of database, bundle and adapted robot, of what is there; the first two state the digests of their files."""
     adapted, database = project.adapted_robot(robot), current(project.expert_db(robot))
     files = [path for path in adapted.rglob("*") if path.is_file()]
-    stated = [digest.of_file(path) for path in (database / manifest.FILE, run.bundle / "bundle.json")]
+    heads = (database / manifest.FILE, run.bundle / "bundle.json")
+    stated = [digest.of_file(path) for path in heads if path.is_file()]
     return digest.of_json([digest.of_files(sorted(files), adapted), *stated])
 
 

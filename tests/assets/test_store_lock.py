@@ -56,7 +56,7 @@ def test_without_a_lock_nothing_is_left_or_taken(project):
     assert not (project.store.root / "lock").exists()
 
 
-@pytest.mark.parametrize("changed", ["robot", "database", "bundle", None])
+@pytest.mark.parametrize("changed", ["robot", "database", "bundle", "no database", None])
 def test_a_training_leaves_the_store_and_refuses_inputs_that_became_others(project, monkeypatch, changed):
     bundle = project.policies("t1") / "bundle"
     inputs = {
@@ -72,7 +72,9 @@ def test_a_training_leaves_the_store_and_refuses_inputs_that_became_others(proje
 
     def train(run, root, lock, log):
         seen.append(is_free(project))
-        if changed:
+        if changed == "no database":
+            inputs["database"].unlink()
+        elif changed:
             inputs[changed].write_text("second")
 
     monkeypatch.setattr(amp_policy, "train", train)
