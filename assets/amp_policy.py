@@ -114,7 +114,7 @@ def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> Non
 
 
 def _trained_on(run: Run, project: Project, robot: str) -> str:
-    """Digest of database, bundle and adapted robot, of what is there; the first two state the digests of their files."""
+    """Digest of what is there of database, bundle and robot; the first two state the digests of their files."""
     adapted, database = project.adapted_robot(robot), current(project.expert_db(robot))
     files = [path for path in adapted.rglob("*") if path.is_file()]
     heads = (database / manifest.FILE, run.bundle / "bundle.json")
