@@ -3,12 +3,13 @@
     python -m benchmarks.captured_steps --bundle DIR [--device cuda|cpu] [--num-envs N] [--steps N] [--preset NAME]
                                         [--json]
 
-The bundle is a T1's. Both begin with the same seed and get the same actions, without noise and pushes. After a few
-steps, some of them replayed, rewards and motion features of robots whose episode continues are compared: on average,
-since rounding has grown in some by then. After more steps, in which episodes have ended, every robot whose episode
-begins at the last of them must have observed one frame only, be within its joints' limits and at a height to stand at.
-PyTorch counts how often the processor waits for the GPU, over as many steps as everything recurs in. Last, robots in
-the air must fall along their own gravity, which is tilted where the preset has slopes.
+Both begin with the same seed and get the same actions, without noise and pushes. After a few steps, some of them
+replayed, rewards and motion features of robots whose episode continues are compared: on average, since rounding has
+grown in some by then. After more steps, in which episodes have ended, every robot whose episode begins at the last of
+them must have observed one frame only, be within its joints' limits and at a height to stand at. PyTorch counts how
+often the processor waits for the GPU, over as many steps as everything recurs in. Last, robots in the air must fall
+along their own gravity, which is tilted where the preset has slopes. Actions and heights are the T1's: the bundle must
+be one of a T1.
 """
 
 from __future__ import annotations
