@@ -1,21 +1,15 @@
 """Arms of the recipe, each trained with several seeds for equal minutes and measured alike.
 
     python -m benchmarks.ablation --out DIR --arm NAME=BUNDLE[,OPTION=VALUE ...] [--arm ...] [--seeds 1 2 3]
-                                  [--minutes M] [--device cpu] [--style BUNDLE] [--planted VX VY YAW]
-                                  [--picture FILE] [--json]
+                                  [--minutes M] [--device cpu] [--style BUNDLE] [--picture FILE]
+                                  [--json]
 
 An arm is a bundle (as `amp_policy` writes it: of references, of rollouts, of rollouts with variations) and options of
 training. `--minutes` are those of AMP + PPO; distillation has its own (`distillation.minutes`). A run lies in
 `DIR/NAME-seedN`; a repeated command continues where it was interrupted. Runs that were trained elsewhere are validated
 on a CPU with `--device cpu`. Printed are mean and range over the seeds of what each run's validation measured
-(`pipeline/training/policy_figures.py`), and with `--planted` the failures at that command: the share of 20 walks of
-10 s that fall or reach less than half of it. Style is the distance from the arm's own expert set; to compare arms of
+(`pipeline/training/policy_figures.py`). Style is the distance from the arm's own expert set; to compare arms of
 different sets, `--style` names the bundle from which all are measured.
-
-The loop from hardware closes where a bundle of the database before and one of the database after an approved proposal
-are two arms, and `--planted` is the command that failed: copy `data/policies/<robot>/bundle`, validate with
-`--failures` or simulate the robot at that command, put the log into `data/hardware_logs`, approve the proposal
-(docs/closed_loop.md), and materialize `<robot>/amp_policy`, which replaces the bundle with that of the new database.
 """
 
 from __future__ import annotations
@@ -35,11 +29,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.report import Bar, machine, report  # noqa: E402
-from pipeline.training.plain_walk import Walk, walked  # noqa: E402
 from pipeline.training.policy_figures import from_json, style_figures  # noqa: E402
-
-PLANTED_WALKS, REACHED = 20, 0.5
-"""Walks at a planted command, and the share of it below which a walk counts as a failure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +67,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float)
     parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda")
     parser.add_argument("--style", type=Path, metavar="BUNDLE")
-    parser.add_argument("--planted", type=float, nargs=3, metavar=("VX", "VY", "YAW"))
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)
@@ -86,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for seed in given.seeds:
             folder = given.out / f"{arm.name}-seed{seed}"
             train(arm, seed, folder, given)
-            found.setdefault(arm.name, []).append(figures_of(folder, arm.bundle, given))
+            found.setdefault(arm.name, []).append(figures_of(folder, given.style))
     if given.picture:
         draw(found, given.picture)
     return 0 if report(bars_of(found), machine=machine(), json=given.json) else 1
@@ -108,25 +97,10 @@ def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
         raise SystemExit(f"training of {folder.name} ended with status {status}; its message is above.")
 
 
-def figures_of(folder: Path, bundle: Path, given: argparse.Namespace) -> dict[str, float]:
-    """Figures of a run's validation, and of the planted command."""
-    found = json.loads((folder / "validation" / "figures.json").read_text())
-    figures, policy = from_json(found["figures"]), folder / "policy.npz"
-    if given.style:
-        figures |= style_figures(given.style, policy)
-    return figures | (planted_figures(bundle, policy, given.planted) if given.planted else {})
-
-
-def planted_figures(bundle: Path, policy: Path, command: Sequence[float]) -> dict[str, float]:
-    """Share of walks at a command that fall or reach less than half of it on its largest axis."""
-    vx, vy, yaw = command
-    axis = int(np.argmax(np.abs(command)))
-    name = ("forward", "lateral", "yaw_rate")[axis]
-    failed = 0
-    for seed in range(PLANTED_WALKS):
-        found = walked(bundle, policy, Walk(command=(vx, vy, yaw), seed=seed))
-        failed += bool(found["fell"]) or found[name] / command[axis] < REACHED
-    return {f"failures at {vx:g} {vy:g} {yaw:g}": failed / PLANTED_WALKS}
+def figures_of(folder: Path, style: Path | None) -> dict[str, float]:
+    """Figures of a run's validation; style from the bundle `style`, if given."""
+    figures = from_json(json.loads((folder / "validation" / "figures.json").read_text())["figures"])
+    return figures | (style_figures(style, folder / "policy.npz") if style else {})
 
 
 def bars_of(found: Mapping[str, Sequence[Mapping[str, float]]]) -> list[Bar]:

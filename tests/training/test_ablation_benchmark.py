@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.ablation import arm_of, bars_of, draw, figures_of, planted_figures, train
+from benchmarks.ablation import arm_of, bars_of, draw, figures_of, train
 from pipeline.training.policy_figures import as_json, discriminator_figures, style_figures
 from tests.factories.training_bundle import small_bundle
 
@@ -37,19 +37,11 @@ def test_the_discriminators_figures_are_the_worst_of_the_second_half(tmp_path):
     assert all(math.isnan(value) for value in discriminator_figures(tmp_path / "none.csv").values())
 
 
-def test_a_command_that_the_policy_follows_has_no_failures(tmp_path, root, robot, monkeypatch):
-    monkeypatch.setattr("benchmarks.ablation.PLANTED_WALKS", 1)
-    bundle = small_bundle(tmp_path, root, robot)
-    found = planted_figures(bundle, root / SHIPPED, (0.6, 0.0, 0.0))
-    assert found == {"failures at 0.6 0 0": 0.0}
-    assert planted_figures(bundle, root / SHIPPED, (4.0, 0.0, 0.0)) == {"failures at 4 0 0": 1.0}
-
-
 def test_figures_of_a_run_are_those_of_its_validation(tmp_path):
     (tmp_path / "validation").mkdir()
     found = as_json({"speed error": 0.04, "accuracy": math.nan})
     (tmp_path / "validation" / "figures.json").write_text(json.dumps({"figures": found}, allow_nan=False))
-    figures = figures_of(tmp_path, tmp_path, argparse.Namespace(planted=None, style=None))
+    figures = figures_of(tmp_path, None)
     assert figures == pytest.approx({"speed error": 0.04, "accuracy": math.nan}, nan_ok=True)
 
 
@@ -59,7 +51,7 @@ def test_style_is_measured_from_one_bundle_for_all_arms(tmp_path, root, robot):
     (tmp_path / "validation" / "figures.json").write_text(json.dumps({"figures": found}))
     shutil.copy(root / SHIPPED, tmp_path / "policy.npz")
     common = small_bundle(tmp_path / "common", root, robot)
-    figures = figures_of(tmp_path, tmp_path / "own", argparse.Namespace(planted=None, style=common))
+    figures = figures_of(tmp_path, common)
     assert figures["speed error"] == 0.04
     measured = style_figures(common, tmp_path / "policy.npz")
     assert {name: figures[name] for name in measured} == pytest.approx(measured, nan_ok=True)
