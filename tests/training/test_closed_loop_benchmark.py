@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 import pandas as pd
@@ -54,3 +55,15 @@ def test_a_command_that_the_policy_follows_has_no_failures(tmp_path, root, robot
     bundle = small_bundle(tmp_path, root, robot)
     assert closed_loop.failures(bundle, root / SHIPPED, (0.6, 0.0, 0.0)) == 0.0
     assert closed_loop.failures(bundle, root / SHIPPED, (4.0, 0.0, 0.0)) == 1.0
+
+
+def test_a_walk_that_falls_reaches_nothing_and_both_sides_are_drawn(tmp_path, monkeypatch):
+    before, after = tmp_path / "before", tmp_path / "after"
+    fell = lambda bundle, policy, walk: {"fell": bundle == before and abs(walk.command[1]) > 0.3, "lateral": 0.2}  # noqa: E731
+    monkeypatch.setattr(closed_loop, "walked", fell)
+    assert math.isnan(closed_loop.reached(before, tmp_path, (0.0, 0.4, 0.0)))
+    assert closed_loop.reached(after, tmp_path, (0.0, 0.4, 0.0)) == pytest.approx(0.5)
+    assert [closed_loop.failures(side, tmp_path, (0.0, 0.4, 0.0)) for side in (before, after)] == [1.0, 0.0]
+    sides = {side.name: (side, [tmp_path / "after-seed1/policy.npz"]) for side in (before, after)}
+    closed_loop.draw(sides, (0.0, 0.4, 0.0), tmp_path / "loop.png")
+    assert (tmp_path / "loop.png").stat().st_size > 1000
