@@ -129,7 +129,9 @@ def approve(checkout: Checkout) -> None:
     approved = checkout.root / "data/feedback/approved.yaml"
     if not approved.is_file():
         done(checkout, "dagster", "asset", "materialize", "--select", ",".join(EVIDENCE))
-        shutil.copy(checkout.root / "data/feedback/proposed.yaml", approved)
+        part = approved.with_suffix(".part")
+        shutil.copy(checkout.root / "data/feedback/proposed.yaml", part)
+        part.replace(approved)
 
 
 def figures(bundle: Path, policy: Path, command: Sequence[float]) -> dict[str, float]:
