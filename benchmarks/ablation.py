@@ -1,8 +1,7 @@
 """Arms of the recipe, each trained with several seeds for equal minutes and measured alike.
 
     python -m benchmarks.ablation --out DIR --arm NAME=BUNDLE[,OPTION=VALUE ...] [--arm ...] [--seeds 1 2 3]
-                                  [--minutes M] [--device cpu] [--style BUNDLE] [--picture FILE]
-                                  [--json]
+                                  [--minutes M] [--device cpu] [--style BUNDLE] [--picture FILE] [--json]
 
 An arm is a bundle (as `amp_policy` writes it: of references, of rollouts, of rollouts with variations) and options of
 training. `--minutes` are those of AMP + PPO; distillation has its own (`distillation.minutes`). A run lies in
