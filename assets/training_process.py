@@ -24,7 +24,7 @@ from assets.report import picture, table_of
 from pipeline.errors import PipelineError
 from pipeline.files import digest
 from pipeline.learning.run_command import started_module
-from pipeline.training.config import DEFAULT
+from pipeline.training.config import DEFAULT, preset
 
 PROGRESS = ("iteration ", "validation: ")
 """How lines of progress begin."""
@@ -54,8 +54,6 @@ class TrainingConfig(dg.Config):
     """Environments of each process; 0: the preset's, or 8 in a trial."""
     iterations: int = 0
     """Of AMP + PPO, and in a trial of distillation; 0: the preset's, or 2 in a trial."""
-    minutes: float = 0.0
-    """AMP + PPO ends after this time; 0: the preset's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,18 +101,20 @@ STAGES = ("distillation", "amp")
 def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str, options: Sequence[str] = ()) -> Run:
     """The run that a config asks for on this machine; equal requests have the same folder, and continue in it.
 
-    Raises TrainingFailedError where more GPUs are requested than there are.
+    A request is that of the preset's values: where the recipe changes, a new run begins.
+
+    Raises TrainingFailedError where more GPUs are requested than there are, TrainingError for an unknown preset.
     """
     device = device_of(config.device, config.gpus)
     trial = device == "cpu"
     iterations = config.iterations or (TRIAL_ITERATIONS if trial else 0)
-    distils = (bundle / "tracker.npz").is_file()
+    values = preset(config.preset).values()
+    distils = values["distillation.iterations"] > 0 and (bundle / "tracker.npz").is_file()
     sizes = {
         "simulation.num_envs": config.num_envs or (TRIAL_ENVS if trial else 0),
         "schedule.iterations": iterations,
-        "schedule.minutes": config.minutes,
     }
-    texts = [f"{name}={value:g}" for name, value in sizes.items() if value]
+    texts = [f"{name}={value}" for name, value in sizes.items() if value]
     if trial:
         texts.append(f"distillation.iterations={iterations if distils else 0}")
     asked: dict[str, Any] = {
@@ -125,7 +125,7 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
         "gpus": 1 if trial else config.gpus,
         "trial": trial,
     }
-    name = digest.of_json([bundle_digest, asked])[:10]
+    name = digest.of_json([bundle_digest, values, asked])[:10]
     folder = runs / f"{'trial-' if trial else ''}{config.preset}-seed{config.seed}-{name}"
     more = [text for each in asked["options"] for text in ("--set", each)] + (["--stages", *STAGES] if trial else [])
     given = {name: asked[name] for name in ("device", "seed", "preset")}

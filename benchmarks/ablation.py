@@ -1,12 +1,12 @@
-"""Arms of the recipe, each trained with several seeds for equal minutes and measured alike.
+"""Arms of the recipe, each trained with several seeds for equally many iterations and measured alike.
 
     python -m benchmarks.ablation --out DIR --arm NAME=BUNDLE[,OPTION=VALUE ...] [--arm ...] [--seeds 1 2 3]
-                                  [--minutes M] [--device cpu] [--style BUNDLE] [--picture FILE] [--json]
+                                  [--iterations N] [--device cpu] [--style BUNDLE] [--picture FILE] [--json]
 
 An arm is a bundle (as `amp_policy` writes it: of references, of rollouts, of rollouts with variations) and options of
-training. `--minutes` are those of AMP + PPO; distillation has its own (`distillation.minutes`). A run lies in
-`DIR/NAME-seedN`; a repeated command continues where it was interrupted. Runs that were trained elsewhere are validated
-on a CPU with `--device cpu`. Printed are mean and range over the seeds of what each run's validation measured
+training. `--iterations` are those of AMP + PPO, unless an arm's options have them. A run lies in `DIR/NAME-seedN`; a
+repeated command continues where it was interrupted. Runs that were trained elsewhere are validated on a CPU with
+`--device cpu`. Printed are mean and range over the seeds of what each run's validation measured
 (`pipeline/training/policy_figures.py`). Style is the distance from the arm's own expert set; to compare arms of
 different sets, `--style` names the bundle from which all are measured.
 """
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--arm", type=arm_of, action="append", required=True)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
-    parser.add_argument("--minutes", type=float)
+    parser.add_argument("--iterations", type=int)
     parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda")
     parser.add_argument("--style", type=Path, metavar="BUNDLE")
     parser.add_argument("--picture", type=Path)
@@ -82,8 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
     """Train a run to its end; nothing where it is done. Raises SystemExit where training fails."""
-    limit = [f"schedule.minutes={given.minutes:g}", "schedule.iterations=100000"] if given.minutes is not None else []
-    options = [*arm.options, *limit]
+    options = [*([f"schedule.iterations={given.iterations}"] if given.iterations else []), *arm.options]
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(arm.bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", given.device]
     if given.device == "cpu":

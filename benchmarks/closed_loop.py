@@ -45,7 +45,7 @@ PLANTED, MIRRORED, OTHER = (0.0, 0.4, 0.0), (0.0, -0.4, 0.0), (0.8, 0.0, 0.0)
 """Commands: forward and to the left [m/s], yaw rate [rad/s]."""
 WALKS, REACHED = 20, 0.5
 """Walks at a command, and the share of it below which a walk counts as failed."""
-SMALL = ("distillation.minutes=12", "simulation.num_envs=64")
+SMALL = ("simulation.num_envs=64",)
 """Options of the documented training without a GPU (docs/training.md)."""
 WRITE_BUNDLE = "from assets.amp_policy import bundle_of; from pipeline.project import PROJECT; bundle_of(PROJECT, 't1')"
 EVIDENCE = ("hardware_trials", "failure_modes", "curation_feedback")

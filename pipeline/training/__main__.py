@@ -4,7 +4,7 @@
                         (default: data/policies/t1/bundle)
     --out DIR           folder of the run
     --preset NAME       `recipe` (the default) or `paper`
-    --set NAME=VALUE    change one option, as `schedule.minutes=10`; may be repeated (`--list` prints all options)
+    --set NAME=VALUE    change one option, as `schedule.iterations=1000`; may be repeated (`--list` prints all options)
     --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. On a CPU only distillation is trained
     --stages NAME ...   `distillation`, `amp`, `validation`: other stages than the device's
     --physics plain|warp  MuJoCo in threads (the default on a CPU), or MuJoCo Warp (on a GPU)
@@ -12,7 +12,7 @@
     --list              print all options with their values in both presets, units and sources, and exit
 
 Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Progress is a line an iteration:
-`iteration 12 of 8000 of amp, 5 s, 44.9 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
+`iteration 12 of 6000 of amp, 5 s, 48.9 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
 when interrupted. Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training ...`, each with `simulation.num_envs`.
 """
 
@@ -44,6 +44,8 @@ def main(arguments: Sequence[str]) -> int:
 def _train(given: argparse.Namespace) -> None:
     if given.out is None:
         raise TrainingError("--out is needed; see python -m pipeline.training --help.")
+    if given.seed < 0:
+        raise TrainingError(f"--seed is {given.seed}; 0 or more is allowed.")
     config = changed_by_texts(preset(given.preset), pairs(given.set))
     device = chosen_device(given.device)
     from pipeline.training.bundle import read_bundle  # mjlab takes seconds to import

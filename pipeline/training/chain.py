@@ -48,6 +48,8 @@ EXPORT = "export"
 CONFIG = "config.json"
 SETTINGS = ("options", "seed", "bundle_digest", "stages")
 """Parts of `config.json` that must be equal for a run to continue; until it is trained, its number of processes too."""
+PLACES = ("commit", "device", "physics")
+"""Parts that may differ when a run continues; `config.json` has all their values, as `NVIDIA H100, NVIDIA H200`."""
 POLL_S = 1.0
 """How often other processes look whether the first one has distilled [s]."""
 
@@ -91,9 +93,10 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
     validation = _validation(bundle, request.out / VALIDATION, last) if VALIDATION in stages else None
     config = _config(bundle, request, stages)
     is_trained = all((request.out / name / DONE).is_file() for name in trained(stages))
-    _check_same_run(request.out, config, SETTINGS if is_trained else (*SETTINGS, "processes"))
-    if first and not (is_trained and (request.out / CONFIG).is_file()):
-        write_json(request.out / CONFIG, config)
+    known = _same_run(request.out, config, SETTINGS if is_trained else (*SETTINGS, "processes"))
+    if first and not (is_trained and known):
+        places = {name: _all_of(known.get(name, ""), config[name]) for name in PLACES}
+        write_json(request.out / CONFIG, {**config, **places})
     for name in trained(stages):
         folder = request.out / name
         if (folder / DONE).is_file():
@@ -164,11 +167,16 @@ def _finish(bundle: Bundle, request: Request, stages: Sequence[str], validation:
     write_json(request.out / DONE, done)
 
 
-def _check_same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> None:
-    """Raises TrainingError where the folder is of a run with other settings."""
+def _all_of(earlier: str, now: str) -> str:
+    """The different values of a run's processes, separated by commas."""
+    return ", ".join(dict.fromkeys(value for value in (*earlier.split(", "), now) if value))
+
+
+def _same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> dict[str, Any]:
+    """The folder's `config.json`; empty where there is none. Raises TrainingError for a run with other settings."""
     path = out / CONFIG
     if not path.is_file():
-        return
+        return {}
     try:
         known = json.loads(path.read_text())
     except ValueError as error:
@@ -182,6 +190,7 @@ def _check_same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) 
     if differs:
         shown = ", ".join(differs).replace("processes", "number of processes")
         raise TrainingError(f"{out}: is of a run with another {shown}. Repeat its own command, or give another --out.")
+    return known
 
 
 def command_of(bundle: Bundle, request: Request, stages: Sequence[str]) -> str:

@@ -198,8 +198,7 @@ class PpoConfig:
 class ScheduleConfig:
     """Length of AMP + PPO, and ramps as shares of it."""
 
-    iterations: int = option(8000, "iterations of 24 control steps", "count", "65 minutes of one H100", 1, 1_000_000)
-    minutes: float = option(45.0, "training ends after this time; 0: iterations alone", "min", "bar: 90", 0.0, 1e5)
+    iterations: int = option(6000, "iterations of 24 control steps", "count", "49 minutes of one H100", 1, 1_000_000)
     style_ramp: tuple[float, float] = share(
         (0.02, 0.06), "the style reward grows to its share", source="after the critic has learned"
     )
@@ -213,14 +212,8 @@ class DistillationConfig:
     """DAgger from the tracker."""
 
     iterations: int = option(
-        500,
-        "iterations of 24 control steps; 0: no distilled start",
-        "count",
-        "4 minutes of one H100",
-        0,
-        1_000_000,
+        500, "iterations of 24 control steps; 0: no distilled start", "count", "4 minutes of one H100", 0, 1_000_000
     )
-    minutes: float = option(4.0, "distillation ends after this time; 0: iterations alone", "min", "bar: 90", 0.0, 1e5)
     speed_tolerance: float = option(
         0.2,
         "a clip whose rollout is slower or faster than its reference by more is left out",

@@ -172,14 +172,20 @@ class Notes:
             "lateral": float((vy * cos - vx * sin).mean()),
             "yaw_rate": float((turned[-1] - turned[0]) / ((len(table) - 1) * control_s)),
             "power": float(np.mean(self._power)),
-            "steps_per_min": 60.0 * sum(_set_down(touch[:, foot], control_s) for foot in (0, 1)) / MEASURE_S,
+            "touchdowns_per_min": sum(touchdown_rate(touch[:, foot], control_s) for foot in (0, 1)),
         }
 
 
-def _set_down(touch: np.ndarray, control_s: float) -> int:
-    """How often a foot touches after AIR_S in the air."""
-    count, air_s = 0, 0.0
-    for on in touch:
-        count += int(on and air_s >= AIR_S - 1e-9)
+def touchdown_rate(touch: np.ndarray, control_s: float) -> float:
+    """Touchdowns a minute of a foot, by the mean time between them; 0 for fewer than two.
+
+    Args:
+        touch: (t,) whether the foot touches the ground at each control step
+        control_s: duration of a control step [s]
+    """
+    landed, air_s = [], 0.0
+    for step, on in enumerate(touch):
+        if on and air_s >= AIR_S - 1e-9:
+            landed.append(step * control_s)
         air_s = 0.0 if on else air_s + control_s
-    return count
+    return 60.0 * (len(landed) - 1) / (landed[-1] - landed[0]) if len(landed) > 1 else 0.0

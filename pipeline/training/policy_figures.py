@@ -55,7 +55,7 @@ def followed(row: Measured) -> float:
 def walk_figures(bundle: Path, policy: Path) -> dict[str, float]:
     """Touchdowns a minute and power, in plain walks."""
     walks = {speed: walked(bundle, policy, Walk(command=(speed, 0.0, 0.0))) for speed in WALKED}
-    found = {f"touchdowns at {speed} m/s": walk.get("steps_per_min", math.nan) for speed, walk in walks.items()}
+    found = {f"touchdowns at {speed} m/s": walk.get("touchdowns_per_min", math.nan) for speed, walk in walks.items()}
     return {**found, f"power at {POWER_AT} m/s": walks[POWER_AT].get("power", math.nan)}
 
 

@@ -52,7 +52,7 @@ class AmpStage(Stage):
             start: actor of the distillation; None: from scratch
         """
         config = request.config
-        super().__init__(bundle, request, folder, config.schedule.iterations, config.schedule.minutes)
+        super().__init__(bundle, request, folder, config.schedule.iterations)
         seed = request.seed + 1000 * self.rank
         self.env = AmpEnvironment(bundle, config, request.device, seed, request.physics)
         wrapped = ObservedEnvironment(self.env)
@@ -67,13 +67,6 @@ class AmpStage(Stage):
         self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
         if start is not None:
             begin_with(self.algorithm.get_policy(), start)
-
-    def agreed(self, seconds: float) -> float:
-        if self.world == 1:
-            return seconds
-        value = torch.tensor(seconds, dtype=torch.float64, device=self.request.device)
-        torch.distributed.broadcast(value, src=0)
-        return float(value)
 
     def iterate(self, share: float) -> dict[str, float]:
         algorithm = self.algorithm
@@ -101,7 +94,7 @@ class AmpStage(Stage):
     def load(self, state: dict[str, Any]) -> None:
         self.algorithm.load(state, None, strict=True)
         self.env.common_step_counter = int(state["environment_steps"])
-        self._disturb(max(0.0, int(state["iteration"]) / self._iterations))
+        self._disturb(int(state["iteration"]) / self._iterations)
 
     def line(self, row: dict[str, float]) -> str:
         pairs = [

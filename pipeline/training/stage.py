@@ -44,14 +44,11 @@ class Request:
 class Stage(ABC):
     """One stage in its folder; repeating it continues from its newest checkpoint."""
 
-    def __init__(self, bundle: Bundle, request: Request, folder: Path, iterations: int, minutes: float):
-        self.bundle, self.request, self.folder = bundle, request, folder
-        self._iterations, self._minutes = iterations, minutes
+    def __init__(self, bundle: Bundle, request: Request, folder: Path, iterations: int):
+        self.bundle, self.request, self.folder, self._iterations = bundle, request, folder, iterations
         self.rank, self.world = int(os.getenv("RANK", "0")), int(os.getenv("WORLD_SIZE", "1"))
         self.iteration, self.environment_steps = 0, 0
         """Iterations that are done, and control steps of each environment."""
-        self.seconds = 0.0
-        """Time of training, that of earlier processes included [s]."""
 
     @abstractmethod
     def iterate(self, share: float) -> dict[str, float]:
@@ -69,23 +66,15 @@ class Stage(ABC):
     def line(self, row: dict[str, float]) -> str:
         """The figures of a row in words, for the progress line."""
 
-    def agreed(self, seconds: float) -> float:
-        """The time of training by the first process's clock [s]: processes end together."""
-        return seconds
-
     def run(self) -> None:
-        """Iterate to the end: the iterations or the minutes, whichever comes first."""
+        """Iterate to the end."""
         self._resume()
         self.folder.mkdir(parents=True, exist_ok=True)
         curves = CurvesFile(self.folder / CURVES, self.iteration)
-        before, started, reason = curves.seconds, time.monotonic(), "iterations"
+        before, started = curves.seconds, time.monotonic()
         while self.iteration < self._iterations:
             began = time.monotonic()
-            self.seconds = self.agreed(before + began - started)
-            if self._minutes and self.seconds > 60.0 * self._minutes:
-                reason = "minutes"
-                break
-            figures = self.iterate(self.share())
+            figures = self.iterate(self.iteration / self._iterations)
             self.iteration += 1
             took = time.monotonic() - began
             row = self._row(figures, before + time.monotonic() - started, took)
@@ -98,12 +87,7 @@ class Stage(ABC):
                     self._save(curves)
         if self.rank == 0:
             self._save(curves)
-            self._finish(reason, before + time.monotonic() - started)
-
-    def share(self) -> float:
-        """Share of the stage that has passed, by iterations or by time."""
-        by_time = self.seconds / (60.0 * self._minutes) if self._minutes else 0.0
-        return min(1.0, max(by_time, self.iteration / self._iterations))
+            self._finish(before + time.monotonic() - started)
 
     def _row(self, figures: dict[str, float], seconds: float, took: float) -> dict[str, float]:
         steps = self.request.config.simulation.num_envs * STEPS * self._workers
@@ -115,11 +99,9 @@ class Stage(ABC):
         return self.world
 
     def _head(self, row: dict[str, float], took: float) -> str:
-        left = (self._iterations - self.iteration) * took
-        if self._minutes:
-            left = min(left, 60.0 * self._minutes - row["seconds"])
+        left_s = (self._iterations - self.iteration) * took
         progress = f"iteration {self.iteration} of {self._iterations} of {self.folder.name}"
-        return f"{progress}, {row['seconds']:.0f} s, {max(left, 0.0) / 60.0:.1f} min left"
+        return f"{progress}, {row['seconds']:.0f} s, {left_s / 60.0:.1f} min left"
 
     def _resume(self) -> None:
         path = newest_checkpoint(self.folder / CHECKPOINTS)
@@ -141,8 +123,8 @@ class Stage(ABC):
         write_policy(self.folder / POLICY, policy_arrays(state, self.bundle.robot))
         curves.write()
 
-    def _finish(self, reason: str, seconds: float) -> None:
+    def _finish(self, seconds: float) -> None:
         steps = self.iteration * self.request.config.simulation.num_envs * STEPS * self._workers
-        done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
+        done = {"iterations": self.iteration, "seconds": seconds, "steps": steps}
         done["gpu_seconds"] = 0.0 if self.request.device == "cpu" else seconds * self._workers
         write_json(self.folder / DONE, {**done, "steps_per_s": steps / max(seconds, 1e-9)})

@@ -21,14 +21,15 @@ from typing import Any
 import pipeline
 from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.deployment import digest, load_policy
+from pipeline.export.booster_deploy import vendor_robot
 from pipeline.files import atomic, settings
 from pipeline.learning.checkpoint import load_checkpoint
 from pipeline.learning.policy_file import policy_arrays, write_policy
-from pipeline.learning.robot_facts import CURE
+from pipeline.learning.robot_facts import CURE, read_head
 from pipeline.learning.run_command import write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.training import policy_figures
-from pipeline.training.bundle import Bundle
+from pipeline.training.bundle import SCHEMA, Bundle
 from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY
 from pipeline.validation.bars import read_validation
 from pipeline.validation.cross_engine import cross_engine
@@ -61,12 +62,16 @@ class ValidationStage:
         bars = ROOT / "robots" / bundle.robot.name / "validation.yaml"
         if not bars.is_file():
             raise TrainingError(f"{bars}: there is none, so validation has no thresholds for this robot. {WITHOUT}")
+        vendor_robot(bundle.robot.name)  # the export needs it
         self._bars = read_validation(ROOT / "data" / "validation.yaml", bars)
         self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
 
     def run(self) -> None:
-        """Do what is missing of the stage."""
+        """Do what is missing of the stage. Raises TrainingError where the bundle was written again meanwhile."""
         began = time.monotonic()
+        if read_head(self.bundle.folder, SCHEMA)[1] != self.bundle.digest:
+            problem = "was written again while this run trained from it, so the policy can't be judged by it."
+            raise TrainingError(f"{self.bundle.folder}: {problem} Train again, from a copy of the bundle.")
         sweep = self._file(SWEEP, self._sweep)
         chosen = self.folder / CHECKPOINTS / f"model_{sweep['iteration']:06d}.npz"
         atomic.write_bytes(self.folder / POLICY, chosen.read_bytes())

@@ -61,15 +61,16 @@ def test_without_a_gpu_a_trial_is_trained(place, monkeypatch):
 def test_a_trial_distils_where_the_bundle_has_a_tracker(place, monkeypatch):
     (place / "bundle" / "tracker.npz").write_bytes(b"network")
     assert option(asked(place, 0, monkeypatch), "distillation.iterations") == "2"
+    assert option(asked(place, 0, monkeypatch, preset="paper"), "distillation.iterations") == "0"
 
 
 def test_with_gpus_it_is_a_full_training_by_torchrun(place, monkeypatch):
     one = asked(place, 4, monkeypatch)
     assert (one.trial, one.device) == (False, "cuda")
     assert one.command[:2] == ("-m", "pipeline.training") and not {"--stages", "--set"} & set(one.command)
-    four = asked(place, 4, monkeypatch, gpus=4, num_envs=1024, minutes=12.5)
+    four = asked(place, 4, monkeypatch, gpus=4, num_envs=1024, iterations=1_500_000)
     assert "--nproc-per-node=4" in four.command
-    assert (option(four, "simulation.num_envs"), option(four, "schedule.minutes")) == ("1024", "12.5")
+    assert (option(four, "simulation.num_envs"), option(four, "schedule.iterations")) == ("1024", "1500000")
     assert four.folder != one.folder
 
 
@@ -87,6 +88,13 @@ def test_another_question_is_another_run(place, monkeypatch, other):
     config = TrainingConfig(seed=1)
     elsewhere = run_of(config, place / "runs", place / "bundle", "another database")
     assert elsewhere.folder != asked(place, 0, monkeypatch).folder
+
+
+def test_a_changed_recipe_is_another_run(place, monkeypatch):
+    before = asked(place, 0, monkeypatch).folder
+    recipe = training_process.preset(DEFAULT)
+    monkeypatch.setattr(training_process, "preset", lambda _: recipe.changed({"rewards.power": -0.5}))
+    assert asked(place, 0, monkeypatch).folder != before
 
 
 def test_a_run_that_is_done_is_not_trained_again(place, monkeypatch):

@@ -108,8 +108,13 @@ def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, m
     assert not (tmp_path / killed / "done.json").exists()
     begun = []
     monkeypatch.setattr(kind, "iterate", lambda stage, share: begun.append(stage.iteration) or iterate(stage, share))
+    monkeypatch.setattr(chain, "commit_of", lambda _: "the next commit")
+    before = json.loads((tmp_path / "config.json").read_text())
     assert main(command(folder, tmp_path, *stages)) == 0
     assert begun == [1]
+    config = json.loads((tmp_path / "config.json").read_text())
+    commits = ", ".join(text for text in (before["commit"], "the next commit") if text)
+    assert config == {**before, "commit": commits}, "each place where it was trained, once"
     rows = rows_of(tmp_path / killed / "curves.csv")
     assert [row["iteration"] for row in rows] == ["1", "2"]
     assert float(rows[0]["seconds"]) < float(rows[1]["seconds"])
@@ -152,6 +157,7 @@ def test_a_bundle_without_a_tracker_is_refused_with_what_to_do(tmp_path, root, r
     ("arguments", "message"),
     [
         (["--device", "cpu"], "--out is needed"),
+        (["--out", "o", "--device", "cpu", "--seed", "-1"], "--seed is -1; 0 or more is allowed."),
         (["--bundle", "b", "--out", "o", "--device", "cpu", "--preset", "none"], "unknown preset 'none'"),
         (
             ["--bundle", "b", "--out", "o", "--device", "cpu"],

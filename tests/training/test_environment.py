@@ -269,6 +269,17 @@ def test_a_known_good_policy_walks_in_the_environment(bundle, policies):
     assert mean[2, 2].item() == pytest.approx(0.98, abs=0.1)
 
 
+def test_the_drop_at_the_start_of_an_episode_is_no_touchdown(bundle):
+    env = AmpEnvironment(bundle, RECIPE.changed({**QUIET, "simulation.reference_share": 0.0}), "cpu", seed=1)
+    for _ in range(2):
+        env.reset()
+        landed = 0
+        for _ in range(15):
+            env.step(torch.zeros(ENVS, 21))
+            landed += int(env.robot_state.landed.sum())
+        assert env.robot_state.contacts.all() and landed == 0
+
+
 def test_the_papers_preset_runs_on_a_heightfield(bundle):
     rough = AmpEnvironment(bundle, PAPER.changed({"simulation.num_envs": 2}), "cpu", seed=1)
     rough.reset()

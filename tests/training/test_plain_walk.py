@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.deployment import load_policy
-from pipeline.training.plain_walk import Walk, World, walked
+from pipeline.training.plain_walk import Walk, World, touchdown_rate, walked
 from pipeline.validation.cells import command_cells
 from pipeline.validation.deployed import deployed
 from pipeline.validation.figures import measure
@@ -55,3 +55,10 @@ def test_joint_targets_that_are_not_finite_count_as_a_fall(bundle_folder, root):
     assert not world.fell
     world.target[3] = np.nan
     assert world.fell
+
+
+def test_touchdowns_a_minute_are_those_of_the_gait_and_not_of_the_time_it_is_watched():
+    step = np.arange(300)
+    assert touchdown_rate(step % 24 >= 10, 0.02) == pytest.approx(60.0 / 0.48)
+    assert touchdown_rate(step % 24 >= 1, 0.02) == 0.0, "20 ms in the air are no swing"
+    assert touchdown_rate(step >= 10, 0.02) == 0.0, "one touchdown"

@@ -144,6 +144,21 @@ def test_validated_elsewhere_the_run_still_says_where_it_was_trained(run, bundle
     assert (made["device"], made["commit"], made["command"]) == ("NVIDIA H100", "abc", config["command"])
 
 
+def test_a_bundle_that_was_written_again_meanwhile_is_not_judged_by(bundle, tmp_path, monkeypatch, capsys):
+    own, out, train = tmp_path / "bundle", tmp_path / "run", Stage.run
+    shutil.copytree(bundle, own)
+
+    def written_again(stage):
+        train(stage)
+        about = read(own / "bundle.json")
+        (own / "bundle.json").write_text(json.dumps({**about, "database_digest": "another"}))
+
+    monkeypatch.setattr(Stage, "run", written_again)
+    assert main(command(own, out)) == 2
+    assert "was written again while this run trained from it" in capsys.readouterr().err
+    assert (out / "distillation" / "done.json").is_file() and not (out / "validation").exists()
+
+
 def test_validation_alone_is_refused(bundle, tmp_path, capsys):
     assert main(command(bundle, tmp_path / "out", "--stages", "validation")) == 2
     assert "validation alone makes no run" in capsys.readouterr().err
@@ -159,18 +174,21 @@ def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_la
     assert validation_stage.best(found).iteration == 3
 
 
-@pytest.mark.parametrize("missing", ["dartpy", "thresholds", "robot"])
+@pytest.mark.parametrize("missing", ["dartpy", "thresholds", "robot", "deployment"])
 def test_what_validation_needs_is_missed_before_training(bundle, tmp_path, monkeypatch, capsys, root, missing):
     monkeypatch.setattr(Stage, "run", lambda _: pytest.fail("trained"))
     message = {
         "dartpy": "the package dartpy is not installed",
         "thresholds": "validation has no thresholds for this robot. Add it, or leave validation out",
         "robot": "adapted_robot/t1: there is no such folder. Write the bundle again",
+        "deployment": "booster_deploy has no configuration of 't1' that is known here. Write the file",
     }[missing]
     if missing == "dartpy":
         find = importlib.util.find_spec
         without = lambda name, *rest: None if name == "dartpy" else find(name, *rest)  # noqa: E731
         monkeypatch.setattr(importlib.util, "find_spec", without)
+    elif missing == "deployment":
+        monkeypatch.setattr("pipeline.export.booster_deploy.ROBOTS", tmp_path)
     elif missing == "thresholds":
         monkeypatch.setattr(validation_stage, "ROOT", tmp_path)
     else:

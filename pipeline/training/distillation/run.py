@@ -44,8 +44,7 @@ class DistillationStage(Stage):
     """One network learns the tracker's joint targets from the deployment's observation."""
 
     def __init__(self, bundle: Bundle, request: Request, folder: Path):
-        distillation = request.config.distillation
-        super().__init__(bundle, request, folder, distillation.iterations, distillation.minutes)
+        super().__init__(bundle, request, folder, request.config.distillation.iterations)
         assert bundle.teacher is not None, "`chain.train` checks it"
         config = request.config.changed({"simulation.terrain": "plane"})
         self.teacher = ClipTeacher(bundle.teacher, bundle.robot, config, request.device)
