@@ -12,7 +12,7 @@
     --list              print all options with their values in both presets, units and sources, and exit
 
 Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Progress is a line an iteration:
-`iteration 12 of 6000 of amp, 5 s, 48.9 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
+`iteration 12 of 5800 of amp, 5 s, 46.9 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
 when interrupted. Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training ...`, each with `simulation.num_envs`.
 """
 

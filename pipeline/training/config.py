@@ -198,7 +198,7 @@ class PpoConfig:
 class ScheduleConfig:
     """Length of AMP + PPO, and ramps as shares of it."""
 
-    iterations: int = option(6000, "iterations of 24 control steps", "count", "49 minutes of one H100", 1, 1_000_000)
+    iterations: int = option(5800, "iterations of 24 control steps", "count", "47 minutes of one H100", 1, 1_000_000)
     style_ramp: tuple[float, float] = share(
         (0.02, 0.06), "the style reward grows to its share", source="after the critic has learned"
     )
