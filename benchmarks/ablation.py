@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
     """Train a run to its end; nothing where it is done. Raises SystemExit where training fails."""
-    options = [*([f"schedule.iterations={given.iterations}"] if given.iterations else []), *arm.options]
+    options = [*([f"schedule.iterations={given.iterations}"] if given.iterations is not None else []), *arm.options]
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(arm.bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", given.device]
     if given.device == "cpu":

@@ -45,8 +45,8 @@ PLANTED, MIRRORED, OTHER = (0.0, 0.4, 0.0), (0.0, -0.4, 0.0), (0.8, 0.0, 0.0)
 """Commands: forward and to the left [m/s], yaw rate [rad/s]."""
 WALKS, REACHED = 20, 0.5
 """Walks at a command, and the share of it below which a walk counts as failed."""
-SMALL = ("simulation.num_envs=64",)
-"""Options of the documented training without a GPU (docs/training.md)."""
+SMALL = "simulation.num_envs=64"
+"""Option of the documented training without a GPU (docs/training.md)."""
 WRITE_BUNDLE = "from assets.amp_policy import bundle_of; from pipeline.project import PROJECT; bundle_of(PROJECT, 't1')"
 EVIDENCE = ("hardware_trials", "failure_modes", "curation_feedback")
 
@@ -116,7 +116,7 @@ def distilled(bundle: Path, folder: Path, seed: int, device: str) -> Path:
     """A policy of the recipe's first stage."""
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", device, "--stages", "distillation"]
-    command += [text for option in (SMALL if device == "cpu" else ()) for text in ("--set", option)]
+    command += ["--set", SMALL] if device == "cpu" else []
     status = subprocess.run(command, cwd=ROOT, stdout=sys.stderr).returncode
     if status:
         raise SystemExit(f"training of {folder.name} ended with status {status}; its message is above.")

@@ -95,7 +95,7 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
     is_trained = all((request.out / name / DONE).is_file() for name in trained(stages))
     known = _same_run(request.out, config, SETTINGS if is_trained else (*SETTINGS, "processes"))
     if first and not (is_trained and known):
-        places = {name: _all_of(known.get(name, ""), config[name]) for name in PLACES}
+        places = {name: _all_of(known[name], config[name]) for name in PLACES if known}
         write_json(request.out / CONFIG, {**config, **places})
     for name in trained(stages):
         folder = request.out / name
@@ -169,7 +169,7 @@ def _finish(bundle: Bundle, request: Request, stages: Sequence[str], validation:
 
 def _all_of(earlier: str, now: str) -> str:
     """The different values of a run's processes, separated by commas."""
-    return ", ".join(dict.fromkeys(value for value in (*earlier.split(", "), now) if value))
+    return ", ".join(dict.fromkeys(value or "not stated" for value in (*earlier.split(", "), now)))
 
 
 def _same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def _same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> dic
     differs = [name for name in settings if known.get(name) != asked[name]]
     if "options" in differs:
         before, now = known.get("options") or {}, asked["options"]
-        changed = [name for name in now if before.get(name) != now[name]]
+        changed = [name for name in {**before, **now} if before.get(name) != now.get(name)]
         differs = [name for name in differs if name != "options"] + changed
     if differs:
         shown = ", ".join(differs).replace("processes", "number of processes")

@@ -177,7 +177,7 @@ class Notes:
 
 
 def touchdown_rate(touch: np.ndarray, control_s: float) -> float:
-    """Touchdowns a minute of a foot, by the mean time between them; 0 for fewer than two.
+    """Touchdowns a minute of a foot: by the time between them, or their number where they fill less than half the time.
 
     Args:
         touch: (t,) whether the foot touches the ground at each control step
@@ -188,4 +188,5 @@ def touchdown_rate(touch: np.ndarray, control_s: float) -> float:
         if on and air_s >= AIR_S - 1e-9:
             landed.append(step * control_s)
         air_s = 0.0 if on else air_s + control_s
-    return 60.0 * (len(landed) - 1) / (landed[-1] - landed[0]) if len(landed) > 1 else 0.0
+    lasted_s, between_s = len(touch) * control_s, landed[-1] - landed[0] if landed else 0.0
+    return 60.0 * ((len(landed) - 1) / between_s if between_s >= 0.5 * lasted_s else len(landed) / lasted_s)

@@ -246,4 +246,4 @@ class RobotState:
         rotation = matrix_from_quat(self.root_quat_w)
         replace(self._mean, mask, velocity_of(rotation, self.lin_vel_w, self.ang_vel_b)[0])
         replace(self._stance, mask, -1.0)  # an episode begins above the ground; to land from there is no touchdown
-        replace(self._stood, mask, 0.0)
+        replace(self._stood, mask, False)

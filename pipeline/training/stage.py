@@ -71,16 +71,19 @@ class Stage(ABC):
         self._resume()
         self.folder.mkdir(parents=True, exist_ok=True)
         curves = CurvesFile(self.folder / CURVES, self.iteration)
-        before, started = curves.seconds, time.monotonic()
+        before, started, first, compiled = curves.seconds, time.monotonic(), self.iteration + 1, 0.0
         while self.iteration < self._iterations:
             began = time.monotonic()
             figures = self.iterate(self.iteration / self._iterations)
             self.iteration += 1
-            took = time.monotonic() - began
-            row = self._row(figures, before + time.monotonic() - started, took)
+            now = time.monotonic()
+            if self.iteration == first:  # the first iteration of a process compiles, and says nothing of the others
+                compiled = now
+            pace_s = (now - compiled) / (self.iteration - first) if self.iteration > first else None
+            row = self._row(figures, before + now - started, now - began)
             if self.rank == 0:
                 curves.add(row)
-                print(f"{self._head(row, took)}: {self.line(row)}, {row['steps_per_s']:.0f} steps/s", flush=True)
+                print(f"{self._head(row, pace_s)}: {self.line(row)}, {row['steps_per_s']:.0f} steps/s", flush=True)
                 if self.iteration % 10 == 0 or self.iteration < 10:
                     curves.write()
                 if self.iteration % SAVE_EVERY == 0:
@@ -98,10 +101,12 @@ class Stage(ABC):
         """Processes that step environments in this stage."""
         return self.world
 
-    def _head(self, row: dict[str, float], took: float) -> str:
-        left_s = (self._iterations - self.iteration) * took
-        progress = f"iteration {self.iteration} of {self._iterations} of {self.folder.name}"
-        return f"{progress}, {row['seconds']:.0f} s, {left_s / 60.0:.1f} min left"
+    def _head(self, row: dict[str, float], pace_s: float | None) -> str:
+        """Progress, with the time left at a pace [s] an iteration."""
+        progress = f"iteration {self.iteration} of {self._iterations} of {self.folder.name}, {row['seconds']:.0f} s"
+        if pace_s is None:
+            return progress
+        return f"{progress}, {(self._iterations - self.iteration) * pace_s / 60.0:.1f} min left"
 
     def _resume(self) -> None:
         path = newest_checkpoint(self.folder / CHECKPOINTS)

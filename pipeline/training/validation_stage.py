@@ -21,6 +21,7 @@ from typing import Any
 import pipeline
 from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.deployment import digest, load_policy
+from pipeline.errors import SettingsError
 from pipeline.export.booster_deploy import vendor_robot
 from pipeline.files import atomic, settings
 from pipeline.learning.checkpoint import load_checkpoint
@@ -62,7 +63,10 @@ class ValidationStage:
         bars = ROOT / "robots" / bundle.robot.name / "validation.yaml"
         if not bars.is_file():
             raise TrainingError(f"{bars}: there is none, so validation has no thresholds for this robot. {WITHOUT}")
-        vendor_robot(bundle.robot.name)  # the export needs it
+        try:
+            vendor_robot(bundle.robot.name)
+        except SettingsError as error:
+            raise TrainingError(f"{error} Or leave validation out: --stages distillation amp.") from error
         self._bars = read_validation(ROOT / "data" / "validation.yaml", bars)
         self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
 
@@ -71,7 +75,7 @@ class ValidationStage:
         began = time.monotonic()
         if read_head(self.bundle.folder, SCHEMA)[1] != self.bundle.digest:
             problem = "was written again while this run trained from it, so the policy can't be judged by it."
-            raise TrainingError(f"{self.bundle.folder}: {problem} Train again, from a copy of the bundle.")
+            raise TrainingError(f"{self.bundle.folder}: {problem} Put it back and repeat the command, or train again.")
         sweep = self._file(SWEEP, self._sweep)
         chosen = self.folder / CHECKPOINTS / f"model_{sweep['iteration']:06d}.npz"
         atomic.write_bytes(self.folder / POLICY, chosen.read_bytes())

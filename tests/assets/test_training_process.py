@@ -68,9 +68,9 @@ def test_with_gpus_it_is_a_full_training_by_torchrun(place, monkeypatch):
     one = asked(place, 4, monkeypatch)
     assert (one.trial, one.device) == (False, "cuda")
     assert one.command[:2] == ("-m", "pipeline.training") and not {"--stages", "--set"} & set(one.command)
-    four = asked(place, 4, monkeypatch, gpus=4, num_envs=1024, iterations=1_500_000)
+    four = asked(place, 4, monkeypatch, gpus=4, num_envs=1024, iterations=1_000_000)
     assert "--nproc-per-node=4" in four.command
-    assert (option(four, "simulation.num_envs"), option(four, "schedule.iterations")) == ("1024", "1500000")
+    assert (option(four, "simulation.num_envs"), option(four, "schedule.iterations")) == ("1024", "1000000")
     assert four.folder != one.folder
 
 

@@ -42,7 +42,7 @@ head = "iteration,seconds,steps_per_s,task_reward,style_reward,d_rollout,d_exper
 head += ",top_commanded,top_achieved"
 (out / "curves.csv").write_text("\\n".join([head, *rows]) + "\\n")
 shutil.copy(Path(given.bundle) / "network.npz", out / "policy.npz")
-done = {"reason": "iterations", "iterations": iterations, "seconds": 1.5}
+done = {"iterations": iterations, "seconds": 1.5}
 (out / "done.json").write_text(json.dumps(done))
 """
 

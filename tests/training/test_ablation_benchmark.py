@@ -62,15 +62,18 @@ def test_a_run_that_was_trained_elsewhere_is_validated_on_a_cpu_and_never_traine
     commands: list[list[str]] = []
     started = lambda command, **_: commands.append(command) or argparse.Namespace(returncode=0)  # noqa: E731
     monkeypatch.setattr("benchmarks.ablation.subprocess.run", started)
-    arm, given = arm_of("a=b,ppo.entropy=0.01"), argparse.Namespace(iterations=880, device="cpu")
+    arm = arm_of("a=b,ppo.entropy=0.01,schedule.iterations=900")
+    given = argparse.Namespace(iterations=880, device="cpu")
     with pytest.raises(SystemExit, match="is not trained to its end"):
         train(arm, 2, tmp_path, given)
     (tmp_path / "amp").mkdir()
     (tmp_path / "amp" / "done.json").write_text("{}")
     train(arm, 2, tmp_path, given)
     (command,) = commands
-    assert command[command.index("--stages") + 1 :] == ["distillation", "amp", "validation", *command[-4:]]
-    assert {"ppo.entropy=0.01", "schedule.iterations=880"} <= set(command)
+    assert command[command.index("--stages") + 1 :] == ["distillation", "amp", "validation", *command[-6:]]
+    assert command[-6:] == [text for each in ("schedule.iterations=880", *arm.options) for text in ("--set", each)], (
+        "the arm's own come last and count"
+    )
 
 
 def test_bars_are_means_and_ranges_over_seeds_without_those_that_fell(tmp_path):

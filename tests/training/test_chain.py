@@ -113,7 +113,7 @@ def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, m
     assert main(command(folder, tmp_path, *stages)) == 0
     assert begun == [1]
     config = json.loads((tmp_path / "config.json").read_text())
-    commits = ", ".join(text for text in (before["commit"], "the next commit") if text)
+    commits = f"{before['commit'] or 'not stated'}, the next commit"
     assert config == {**before, "commit": commits}, "each place where it was trained, once"
     rows = rows_of(tmp_path / killed / "curves.csv")
     assert [row["iteration"] for row in rows] == ["1", "2"]
@@ -122,11 +122,17 @@ def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, m
     assert (tmp_path / "amp").exists() == ("amp" in stages) and not (tmp_path / "export").exists()
 
 
-def test_a_folder_of_another_run_is_refused(run, folder, capsys):
+def test_a_folder_of_another_run_is_refused(run, folder, tmp_path, capsys):
     assert main([*command(folder, run, *BOTH), "--seed", "7"]) == 2
     assert "is of a run with another seed. Repeat its own command, or give another --out." in capsys.readouterr().err
     assert main(command(folder, run, *BOTH, ppo__entropy=0.5)) == 2
     assert "another ppo.entropy." in capsys.readouterr().err
+    config = json.loads((run / "config.json").read_text())
+    shutil.copytree(run, tmp_path / "older")
+    config["options"]["schedule.minutes"] = 45.0
+    (tmp_path / "older" / "config.json").write_text(json.dumps(config))
+    assert main(command(folder, tmp_path / "older", *BOTH)) == 2
+    assert "another schedule.minutes." in capsys.readouterr().err
 
 
 def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, capsys):

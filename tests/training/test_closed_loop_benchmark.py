@@ -114,12 +114,12 @@ def test_a_proposal_that_adds_no_clip_ends_the_loop(tmp_path, monkeypatch):
     assert not [each for each in world.commands if each.startswith("after")]
 
 
-def test_a_policy_is_distilled_with_the_documented_options(tmp_path, monkeypatch):
+def test_a_policy_is_distilled_with_the_documented_option(tmp_path, monkeypatch):
     commands: list[list[str]] = []
     started = lambda command, **_: commands.append(command) or argparse.Namespace(returncode=len(commands) - 1)  # noqa: E731
     monkeypatch.setattr("benchmarks.closed_loop.subprocess.run", started)
     assert closed_loop.distilled(tmp_path / "bundle", tmp_path / "run", 2, "cpu") == tmp_path / "run/policy.npz"
-    assert commands[0][-6:] == ["--stages", "distillation", "--set", SMALL[0], "--set", SMALL[1]]
+    assert commands[0][-4:] == ["--stages", "distillation", "--set", SMALL]
     with pytest.raises(SystemExit, match="training of run ended with status 1"):
         closed_loop.distilled(tmp_path / "bundle", tmp_path / "run", 2, "cuda")
     assert commands[1][-2:] == ["--stages", "distillation"]

@@ -61,4 +61,5 @@ def test_touchdowns_a_minute_are_those_of_the_gait_and_not_of_the_time_it_is_wat
     step = np.arange(300)
     assert touchdown_rate(step % 24 >= 10, 0.02) == pytest.approx(60.0 / 0.48)
     assert touchdown_rate(step % 24 >= 1, 0.02) == 0.0, "20 ms in the air are no swing"
-    assert touchdown_rate(step >= 10, 0.02) == 0.0, "one touchdown"
+    assert touchdown_rate(step >= 10, 0.02) == pytest.approx(10.0), "one touchdown in 6 s"
+    assert touchdown_rate((step >= 20) | (step == 10), 0.02) == pytest.approx(20.0), "two, and then it stands"
