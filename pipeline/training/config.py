@@ -46,12 +46,7 @@ class SimulationConfig:
         0.85, "episodes that begin at an expert frame; the others at the default pose", source=PAPER_TEXT
     )
     stall_s: float = option(
-        0.8,
-        "an episode ends after the command was ignored for so long; 0: never",
-        "s",
-        "without it robots stand and collect style reward",
-        0.0,
-        20.0,
+        0.8, "an episode ends once the command was ignored for so long; 0: never", "s", "else robots stand", 0.0, 20.0
     )
 
 
@@ -95,6 +90,7 @@ class RewardsConfig:
         -1.0, "feet off the ground at the command to stand", "1/s", f"{BARS}: no step", most=0.0
     )
     power: float = option(-0.018, "mechanical power of the joints", "1/J", "power of the references", most=0.0)
+    final_power: float = option(1.0, "factor of that weight at the end of the run", "-", f"{BARS}: power", 0.0, 10.0)
     feet_slide: float = option(-2.0, "slip of feet in contact", "1/m", "paper: -0.25", most=0.0)
     saturation: float = option(
         -3.0, "torque beyond 0.85 of what a motor can give", "1/s", f"{BARS}: saturation", most=0.0
@@ -138,20 +134,10 @@ class PushesConfig:
 
     interval_s: tuple[float, float] = option((4.0, 8.0), "time between pushes", "s", PAPER_TEXT, 0.02, 1000.0)
     kick_m_s: tuple[float, float] = option(
-        (0.0, 1.8),
-        "sudden change of the base's velocity; of the T1, scaled to the robot",
-        "m/s",
-        "60 N s on 32 kg",
-        0.0,
-        5.0,
+        (0.0, 1.8), "sudden change of velocity; of the T1, scaled to the robot", "m/s", "60 N s on 32 kg", 0.0, 5.0
     )
     impulse_n_s: tuple[float, float] = option(
-        (0.0, 60.0),
-        "impulse of a 0.1 s force on the trunk; of the T1, scaled to the robot",
-        "N s",
-        f"{BARS}: pushes",
-        0.0,
-        200.0,
+        (0.0, 60.0), "of a force of 0.1 s on the trunk; of the T1, scaled to the robot", "N s", BARS, 0.0, 200.0
     )
 
 
@@ -204,6 +190,9 @@ class ScheduleConfig:
     )
     disturbance_ramp: tuple[float, float] = share(
         (0.02, 0.25), "delays, slopes and pushes grow to their largest", source="small pushes teach the wrong step"
+    )
+    final_ramp: tuple[float, float] = share(
+        (0.7, 1.0), "divergence, deviation and weight of power go to their last values", source="calm steps"
     )
 
 

@@ -119,6 +119,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """Control steps since the episode's last push or kick began (n,); without one AFTER_CHANGE_STEPS or more."""
         self.disturbance = torch.zeros((), device=device)
         """Ramp of delays, slopes and pushes, 0 to 1; on the device, where a replayed step reads it."""
+        self.final = torch.zeros((), device=device)
+        """Ramp of the weight of power, 0 to 1."""
         self.restarts: list[Callable[[torch.Tensor], None]] = []
         """What terms do for environments (n,) that begin an episode; each term appends its own."""
         if device == "cpu":

@@ -70,7 +70,7 @@ class AmpStage(Stage):
 
     def iterate(self, share: float) -> dict[str, float]:
         algorithm = self.algorithm
-        self._disturb(share)
+        self._set_ramps(share)
         self.runner.current_learning_iteration = algorithm.iteration = self.iteration
         algorithm.run_share = share
         learn_once(self.runner)
@@ -94,7 +94,7 @@ class AmpStage(Stage):
     def load(self, state: dict[str, Any]) -> None:
         self.algorithm.load(state, None, strict=True)
         self.env.common_step_counter = int(state["environment_steps"])
-        self._disturb(int(state["iteration"]) / self._iterations)
+        self._set_ramps(int(state["iteration"]) / self._iterations)
 
     def line(self, row: dict[str, float]) -> str:
         pairs = [
@@ -106,8 +106,10 @@ class AmpStage(Stage):
             f"{', '.join(pairs)}, {row['touchdowns_per_min']:.0f} touchdowns/min, {row['falls_per_min']:.2f} falls/min"
         )
 
-    def _disturb(self, share: float) -> None:
-        self.env.set_disturbance(ramp(share, self.request.config.schedule.disturbance_ramp))
+    def _set_ramps(self, share: float) -> None:
+        schedule = self.request.config.schedule
+        self.env.set_disturbance(ramp(share, schedule.disturbance_ramp))
+        self.env.final.fill_(ramp(share, schedule.final_ramp))
 
 
 def begin_with(actor: Any, start: dict[str, torch.Tensor]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from pipeline.learning.policy_file import Network
 from pipeline.training import chain, runner
 from pipeline.training.__main__ import main
 from pipeline.training.amp.algorithm import ramp
+from pipeline.training.config import RECIPE
 from pipeline.training.stage import Stage
 from tests.factories.training_bundle import small_bundle
 
@@ -227,3 +229,13 @@ def test_another_runtime_error_is_not_called_a_shortage(folder, tmp_path, monkey
 def test_ramps_go_from_0_to_1_over_their_span():
     assert [ramp(at, (0.2, 0.4)) for at in (0.0, 0.2, 0.3, 0.4, 1.0)] == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0])
     assert [ramp(at, (0.0, 0.0)) for at in (0.0, 1.0)] == [1.0, 1.0]
+
+
+def test_the_final_ramp_reaches_the_power_in_the_environment():
+    env = SimpleNamespace(set_disturbance=lambda share: None, final=torch.zeros(()))
+    stage = SimpleNamespace(
+        env=env, request=SimpleNamespace(config=RECIPE.changed({"schedule.final_ramp": (0.6, 1.0)}))
+    )
+    for share, final in ((0.5, 0.0), (0.8, 0.5), (1.0, 1.0)):
+        runner.AmpStage._set_ramps(stage, share)
+        assert float(env.final) == pytest.approx(final)

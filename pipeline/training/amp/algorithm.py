@@ -15,8 +15,6 @@ from pipeline.training.amp.discriminator import Discriminator, style_reward
 from pipeline.training.amp.symmetry import Mirror, MirroredSamples
 from pipeline.training.config import Config
 
-FINAL_RAMP = (0.7, 1.0)
-"""Span of a run in which the divergence and the bound of the deviation go to their last values."""
 CRITIC_WARM_UP = 60
 """Iterations in which a new critic learns alone beside a distilled actor, which its errors would otherwise destroy."""
 FIRST_RATE = 1e-5
@@ -117,17 +115,21 @@ class AmpPpo(PPO):
         """Share of the style reward at this point of the run."""
         return self._config.discriminator.style * ramp(self.run_share, self._config.schedule.style_ramp)
 
+    def final_share(self) -> float:
+        """Share of the way to the last values at this point of the run."""
+        return ramp(self.run_share, self._config.schedule.final_ramp)
+
     def largest_deviation(self) -> float:
         """Bound of the actions' deviation at this point of the run."""
         ppo = self._config.ppo
         if ppo.final_std >= 1.0:
             return float("inf")
-        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, FINAL_RAMP))
+        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * self.final_share())
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""
         started, ppo = self._now(), self._config.ppo
-        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * ramp(self.run_share, FINAL_RAMP)
+        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * self.final_share()
         with fast_matmul(self.device):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)

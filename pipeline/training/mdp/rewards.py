@@ -86,9 +86,9 @@ def energy(env) -> torch.Tensor:
     return torch.linalg.norm(env.robot_state.torque * env.robot_state.joint_vel, dim=1)
 
 
-def power(env) -> torch.Tensor:
-    """Sum over joints of |torque x speed| [W]."""
-    return (env.robot_state.torque * env.robot_state.joint_vel).abs().sum(dim=1)
+def power(env, last: float) -> torch.Tensor:
+    """Sum over joints of |torque x speed| [W], times a factor that the final ramp takes from 1 to `last`."""
+    return (env.robot_state.torque * env.robot_state.joint_vel).abs().sum(dim=1) * (1.0 + (last - 1.0) * env.final)
 
 
 def saturation(env) -> torch.Tensor:
@@ -186,7 +186,7 @@ def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
         "lin_vel_z": term(func=lin_vel_z_l2, weight=-1.0),
         "ang_vel_xy": term(func=ang_vel_xy_l2, weight=-0.05),
         "energy": term(func=energy, weight=-1e-3),
-        "power": term(func=power, weight=weights.power),
+        "power": term(func=power, weight=weights.power, params={"last": weights.final_power}),
         "saturation": term(func=saturation, weight=weights.saturation),
         "torque": term(func=mdp.joint_torques_l2, weight=-1e-4),
         "joint_vel": term(func=mdp.joint_vel_l2, weight=-1e-3),
