@@ -99,7 +99,8 @@ class ValidationStage:
             files[int(state.stem.split("_")[1])] = path
         if not files:
             raise TrainingError(f"{self._trained}: is done but has no checkpoint. Remove the folder.")
-        found = sweep_checkpoints({number: self._deployed(path) for number, path in files.items()}, _pool("sweep"))
+        policies = {number: self._deployed(path) for number, path in files.items()}
+        found = sweep_checkpoints(policies, self._bars, _pool("sweep"))
         return {"iteration": best(found).iteration, "checkpoints": [each.to_dict() for each in found]}
 
     def _mujoco(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Figures of a checkpoint, without noise or thresholds: `python -m pipeline.validation.sweep POLICY.npz`.
+"""Figures of a checkpoint, without noise: `python -m pipeline.validation.sweep POLICY.npz`.
 
 The 16 commands, steps from rest, two frictions and pushes, one row per cell, all from the default pose. No trial is one
 of a suite: checkpoints are not chosen by the trials that judge them.
@@ -7,7 +7,8 @@ A run's checkpoint is chosen by such a sweep in plain MuJoCo: the 16 commands, s
 rest, friction 0.4 and 1.2, pushes as a 0.1 s force. The score is a penalty; the lowest wins, and of equal ones the
 later:
 
-    10 falls in cells without pushes + mean error of the 16 commands / 0.05 + 2 (1 - mean survival of pushes)
+    10 falls in cells without pushes + required cells that miss a threshold + mean error of the 16 commands / 0.05
+    + 2 (1 - mean survival of pushes)
 """
 
 import argparse
@@ -25,10 +26,12 @@ from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.files import atomic
 from pipeline.robot import Robot
+from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.cells import Cell, command_cells
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.figures import Measured, measure
 from pipeline.validation.suites import Trials, named
+from pipeline.validation.verdict import judge
 
 OTHERS = {
     "step 0 to 2.0": 1,
@@ -90,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 FALL, ERROR, PUSHES = 10.0, 1.0 / 0.05, 2.0
-"""Weights of the score: per fall, per error [s/m, s/rad], per share of pushes not survived."""
+"""Weights of the score: per fall, per error [s/m, s/rad], per share of pushes not survived; a missed cell weighs 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +103,8 @@ class SweepResult:
     iteration: int
     falls: int
     """Falls in trials without a push."""
+    missed: int
+    """Required cells with a figure that misses its threshold."""
     command_error: float
     """Mean error of speed or yaw rate over the 16 commands [m/s, rad/s]; a fall counts as the whole command."""
     survival: float
@@ -108,20 +113,23 @@ class SweepResult:
     @property
     def score(self) -> float:
         """The penalty; lower is better."""
-        return FALL * self.falls + ERROR * self.command_error + PUSHES * (1.0 - self.survival)
+        return FALL * self.falls + self.missed + ERROR * self.command_error + PUSHES * (1.0 - self.survival)
 
     def to_dict(self) -> dict[str, Any]:
         return {**vars(self), "score": round(self.score, 6)}
 
 
-def sweep_checkpoints(checkpoints: Mapping[int, Deployed], pool: ClipPool | None = None) -> tuple[SweepResult, ...]:
+def sweep_checkpoints(
+    checkpoints: Mapping[int, Deployed], bars: ValidationSettings, pool: ClipPool | None = None
+) -> tuple[SweepResult, ...]:
     """The figures of each checkpoint, by iteration."""
     return tuple(
-        swept(iteration, measure(one, sweep_cells(one.robot), pool)) for iteration, one in sorted(checkpoints.items())
+        swept(iteration, measure(one, sweep_cells(one.robot), pool), bars)
+        for iteration, one in sorted(checkpoints.items())
     )
 
 
-def swept(iteration: int, rows: Sequence[Measured]) -> SweepResult:
+def swept(iteration: int, rows: Sequence[Measured], bars: ValidationSettings) -> SweepResult:
     """The figures of a checkpoint from its measured cells."""
     pushes = [row for row in rows if row.cell.group.startswith("pushes")]
     others = [row for row in rows if not row.cell.group.startswith("pushes")]
@@ -129,6 +137,7 @@ def swept(iteration: int, rows: Sequence[Measured]) -> SweepResult:
     return SweepResult(
         iteration=iteration,
         falls=sum(len(row.fallen) for row in others),
+        missed=len(judge(rows, bars, suite="sweep", policy="", robot="").failed_cells),
         command_error=float(np.mean([error_of(row) for row in commands])),
         survival=float(np.mean([1.0 - len(row.fallen) / len(row.trials) for row in pushes])) if pushes else 0.0,
     )

@@ -166,10 +166,10 @@ def test_validation_alone_is_refused(bundle, tmp_path, capsys):
 
 def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_later():
     found = [
-        SweepResult(iteration=1, falls=0, command_error=0.10, survival=0.5),
-        SweepResult(iteration=2, falls=0, command_error=0.05, survival=0.5),
-        SweepResult(iteration=3, falls=0, command_error=0.05, survival=0.5),
-        SweepResult(iteration=4, falls=1, command_error=0.01, survival=1.0),
+        SweepResult(iteration=1, falls=0, missed=0, command_error=0.10, survival=0.5),
+        SweepResult(iteration=2, falls=0, missed=0, command_error=0.05, survival=0.5),
+        SweepResult(iteration=3, falls=0, missed=0, command_error=0.05, survival=0.5),
+        SweepResult(iteration=4, falls=1, missed=0, command_error=0.01, survival=1.0),
     ]
     assert validation_stage.best(found).iteration == 3
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from pipeline.validation.bars import read_validation
 from pipeline.validation.cells import SURVIVING, Cell, command_cells
 from pipeline.validation.figures import Measured
 from pipeline.validation.sweep import SweepResult, best, error_of, swept
@@ -33,29 +34,34 @@ def test_a_fall_counts_the_whole_command():
     assert error_of(fallen) == pytest.approx(1.5)
 
 
-def test_figures_of_a_checkpoint_are_those_of_its_cells():
+def test_figures_of_a_checkpoint_are_those_of_its_cells(root):
+    """Of the commands one takes too much power, one falls, and one is as it should be."""
+    bars = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
     fallen = Measured(cell=COMMANDS["yaw +1.0"], trials=({"fell": 1.0},))
     step = dataclasses.replace(COMMANDS["vx +2.0"], name="step 0 to 2.0", group="steps")
     steps = Measured(cell=step, trials=({"fell": 1.0},))
-    rows = [row("vx +2.0", forward=1.9), fallen, steps, pushes("40", 6, 8), pushes("50", 2, 8)]
-    found = swept(700, rows)
-    assert (found.iteration, found.falls) == (700, 2)
-    assert found.command_error == pytest.approx((0.1 + 1.0) / 2)
+    walks = [row("vx +2.0", forward=1.9, power=600.0), row("vx +1.0", forward=1.0, power=200.0), fallen, steps]
+    rows = [*walks, pushes("40", 6, 8), pushes("50", 2, 8)]
+    found = swept(700, rows, bars)
+    assert (found.iteration, found.falls, found.missed) == (700, 2, 3)
+    assert found.command_error == pytest.approx((0.1 + 0.0 + 1.0) / 3)
     assert found.survival == pytest.approx(0.5)
-    assert found.score == pytest.approx(10.0 * 2 + 0.55 / 0.05 + 2.0 * 0.5)
+    assert found.score == pytest.approx(10.0 * 2 + 3 + (1.1 / 3) / 0.05 + 2.0 * 0.5)
 
 
 @pytest.mark.parametrize(
     ("other", "wins"),
     [
         ({"falls": 1, "command_error": 0.01, "survival": 1.0}, 100),
-        ({"falls": 0, "command_error": 0.04, "survival": 0.5}, 200),
-        ({"falls": 0, "command_error": 0.05, "survival": 0.6}, 200),
-        ({"falls": 0, "command_error": 0.05, "survival": 0.5}, 200),
-        ({"falls": 0, "command_error": 0.06, "survival": 0.5}, 100),
+        ({"missed": 1, "command_error": 0.02, "survival": 0.6}, 100),
+        ({"missed": 1, "command_error": 0.01, "survival": 0.7}, 200),
+        ({"command_error": 0.04, "survival": 0.5}, 200),
+        ({"command_error": 0.05, "survival": 0.6}, 200),
+        ({"command_error": 0.05, "survival": 0.5}, 200),
+        ({"command_error": 0.06, "survival": 0.5}, 100),
     ],
 )
 def test_the_best_falls_least_then_errs_least_and_the_later_wins_a_tie(other, wins):
-    first = SweepResult(iteration=100, falls=0, command_error=0.05, survival=0.5)
-    assert best([first, SweepResult(iteration=200, **other)]).iteration == wins
-    assert best([SweepResult(iteration=200, **other), first]).iteration == wins
+    first = SweepResult(iteration=100, falls=0, missed=0, command_error=0.05, survival=0.5)
+    second = SweepResult(**{"iteration": 200, "falls": 0, "missed": 0, **other})
+    assert best([first, second]).iteration == best([second, first]).iteration == wins
