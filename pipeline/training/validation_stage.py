@@ -43,7 +43,7 @@ from pipeline.validation.verdict import judge
 
 ROOT = Path(pipeline.__file__).resolve().parents[1]
 """The checkout whose settings and thresholds are used."""
-CANDIDATES = 5
+CANDIDATES = 10
 """The last checkpoints, of which the best in the sweep is chosen."""
 SUITE = "full"
 WITHOUT = "Add it, or leave validation out: --stages distillation amp."
