@@ -95,7 +95,7 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
     is_trained = all((request.out / name / DONE).is_file() for name in trained(stages))
     known = _same_run(request.out, config, SETTINGS if is_trained else (*SETTINGS, "processes"))
     if first and not (is_trained and known):
-        places = {name: _all_of(known[name], config[name]) for name in PLACES if known}
+        places = {name: _all_of(known.get(name, ""), config[name]) for name in PLACES if known}
         write_json(request.out / CONFIG, {**config, **places})
     for name in trained(stages):
         folder = request.out / name

@@ -134,10 +134,10 @@ class PushesConfig:
 
     interval_s: tuple[float, float] = option((4.0, 8.0), "time between pushes", "s", PAPER_TEXT, 0.02, 1000.0)
     kick_m_s: tuple[float, float] = option(
-        (0.0, 1.8), "sudden change of velocity; of the T1, scaled to the robot", "m/s", "60 N s on 32 kg", 0.0, 5.0
+        (0.0, 1.8), "sudden change of the base's velocity, scaled from the T1", "m/s", "60 N s on 32 kg", 0.0, 5.0
     )
     impulse_n_s: tuple[float, float] = option(
-        (0.0, 60.0), "of a force of 0.1 s on the trunk; of the T1, scaled to the robot", "N s", BARS, 0.0, 200.0
+        (0.0, 60.0), "impulse of a 0.1 s force on the trunk, scaled from the T1", "N s", BARS, 0.0, 200.0
     )
 
 

@@ -46,7 +46,7 @@ ROOT = Path(pipeline.__file__).resolve().parents[1]
 CANDIDATES = 10
 """The last checkpoints, of which the best in the sweep is chosen."""
 SUITE = "full"
-WITHOUT = "Add it, or leave validation out: --stages distillation amp."
+WITHOUT = "leave validation out: --stages distillation amp."
 SWEEP, MUJOCO, DART, FIGURES = "sweep.json", "mujoco.json", "dart.json", "figures.json"
 
 
@@ -57,16 +57,17 @@ class ValidationStage:
         """Raises TrainingError where something that the stage needs is missing, so that it shows before training."""
         self.bundle, self.folder, self._trained = bundle, folder, trained
         if importlib.util.find_spec("dartpy") is None:
-            raise TrainingError(f"validation walks in DART, and the package dartpy is not installed. {WITHOUT}")
+            raise TrainingError(f"validation walks in DART: the package dartpy is not installed. Add it, or {WITHOUT}")
         if not bundle.robot_folder.is_dir():
             raise TrainingError(f"{bundle.robot_folder}: there is no such folder. {CURE}")
         bars = ROOT / "robots" / bundle.robot.name / "validation.yaml"
         if not bars.is_file():
-            raise TrainingError(f"{bars}: there is none, so validation has no thresholds for this robot. {WITHOUT}")
+            problem = "there is none, so validation has no thresholds for this robot."
+            raise TrainingError(f"{bars}: {problem} Add it, or {WITHOUT}")
         try:
             vendor_robot(bundle.robot.name)
         except SettingsError as error:
-            raise TrainingError(f"{error} Or leave validation out: --stages distillation amp.") from error
+            raise TrainingError(f"{error} Or {WITHOUT}") from error
         self._bars = read_validation(ROOT / "data" / "validation.yaml", bars)
         self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
 
