@@ -1,7 +1,7 @@
 """The last stage of the chain: a checkpoint is chosen, judged in MuJoCo and DART, and gets a card. It needs no GPU.
 
 <folder>/checkpoints/model_000100.npz   the last checkpoints as policies
-<folder>/sweep.json      figures of each in a sweep without noise, and the chosen iteration
+<folder>/sweep.json      figures of each on development trials, and the chosen iteration
 <folder>/policy.npz      the chosen policy
 <folder>/mujoco.json     verdict of the full suite
 <folder>/dart.json       verdict of the walks in DART and across the bridge
@@ -44,7 +44,7 @@ from pipeline.validation.verdict import judge
 ROOT = Path(pipeline.__file__).resolve().parents[1]
 """The checkout whose settings and thresholds are used."""
 CANDIDATES = 10
-"""The last checkpoints, of which the best in the sweep is chosen."""
+"""The last checkpoints, of which the best on development trials is chosen."""
 SUITE = "full"
 WITHOUT = "leave validation out: --stages distillation amp."
 SWEEP, MUJOCO, DART, FIGURES = "sweep.json", "mujoco.json", "dart.json", "figures.json"

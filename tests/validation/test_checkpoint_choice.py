@@ -35,18 +35,20 @@ def test_a_fall_counts_the_whole_command():
 
 
 def test_figures_of_a_checkpoint_are_those_of_its_cells(root):
-    """Of the commands one takes too much power, one falls, and one is as it should be."""
+    """Of the commands one takes too much power, one falls, and one is as it should be; a fall at a command that is not
+    required counts as an error alone."""
     bars = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
     fallen = Measured(cell=COMMANDS["yaw +1.0"], trials=({"fell": 1.0},))
     step = dataclasses.replace(COMMANDS["vx +2.0"], name="step 0 to 2.0", group="steps")
     steps = Measured(cell=step, trials=({"fell": 1.0},))
     walks = [row("vx +2.0", forward=1.9, power=600.0), row("vx +1.0", forward=1.0, power=200.0), fallen, steps]
-    rows = [*walks, pushes("40", 6, 8), pushes("50", 2, 8)]
+    slow = Measured(cell=COMMANDS["vx +0.3"], trials=({"fell": 1.0},))
+    rows = [*walks, slow, pushes("40", 6, 8), pushes("50", 2, 8)]
     found = swept(700, rows, bars)
     assert (found.iteration, found.falls, found.missed) == (700, 2, 3)
-    assert found.command_error == pytest.approx((0.1 + 0.0 + 1.0) / 3)
+    assert found.command_error == pytest.approx((0.1 + 0.0 + 1.0 + 0.3) / 4)
     assert found.survival == pytest.approx(0.5)
-    assert found.score == pytest.approx(10.0 * 2 + 3 + (1.1 / 3) / 0.05 + 2.0 * 0.5)
+    assert found.score == pytest.approx(10.0 * 2 + 3 + (1.4 / 4) / 0.05 + 2.0 * 0.5)
 
 
 @pytest.mark.parametrize(
