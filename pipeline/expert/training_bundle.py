@@ -34,7 +34,7 @@ from pipeline.robot.kinematics import mujoco_model
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.run import fall_height
 
-SCHEMA = "booster-lab training bundle 2"
+SCHEMA = "booster-lab training bundle 3"
 ROBOT = "adapted_robot"
 """Where the robot's folder is."""
 COMMAND_WINDOW_S = 1.0
@@ -178,6 +178,7 @@ def expert_arrays(database: Database) -> bytes:
         "clip_start": np.cumsum([0, *(len(clip.frames) for clip in clips)]),
         "clip_weight": np.array([clip.weight for clip in clips]),
         "clip_augmented": np.array([variants[name] != "original" for name in names]),
+        "clip_disturbed": database.index.get("rollout", np.zeros(len(names))) > 0,
         "clip_name": np.array(names),
         "clip_skill": np.array([clip.skill for clip in clips]),
     }

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.learning.robot_facts import CURE, RobotFacts, read_head, read_robot_facts
 from pipeline.learning.training_error import TrainingError
 
-SCHEMA = "booster-lab training bundle 2"
+SCHEMA = "booster-lab training bundle 3"
 FPS = 50.0
 TRACKER, REFERENCES = "tracker.npz", "references.npz"
 """Files that distillation needs; a bundle of a project without a tracker lacks them."""
@@ -30,6 +30,8 @@ class ExpertFrames:
     """(c + 1,) index of each clip's first frame, and the end."""
     clip_weight: np.ndarray
     """(c,) `MotionWeight`."""
+    clip_disturbed: np.ndarray
+    """(c,) whether it is a rollout under disturbances."""
 
     @property
     def controlled(self) -> int:
@@ -138,6 +140,7 @@ def _expert(path: Path, use_augmented: bool) -> ExpertFrames:
             command=arrays["command"][rows],
             clip_start=np.concatenate([[0], np.cumsum(np.diff(start)[taken])]),
             clip_weight=arrays["clip_weight"][taken],
+            clip_disturbed=arrays["clip_disturbed"][taken],
         )
 
 

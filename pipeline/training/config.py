@@ -90,7 +90,7 @@ class RewardsConfig:
         -1.0, "feet off the ground at the command to stand", "1/s", f"{BARS}: no step", most=0.0
     )
     power: float = option(-0.018, "mechanical power of the joints", "1/J", "power of the references", most=0.0)
-    final_power: float = option(1.0, "factor of that weight at the end of the run", "-", f"{BARS}: power", 0.0, 10.0)
+    final_power: float = option(2.0, "factor of that weight at the end of the run", "-", f"{BARS}: power", 0.0, 10.0)
     feet_slide: float = option(-2.0, "slip of feet in contact", "1/m", "paper: -0.25", most=0.0)
     saturation: float = option(
         -3.0, "torque beyond 0.85 of what a motor can give", "1/s", f"{BARS}: saturation", most=0.0
@@ -108,7 +108,7 @@ class RewardsConfig:
 class RandomizationConfig:
     """What differs between environments and episodes."""
 
-    friction: tuple[float, float] = option((0.4, 1.2), "friction of the ground", "-", PAPER_TEXT, 0.0, 3.0)
+    friction: tuple[float, float] = option((0.3, 1.2), "friction of the ground", "-", "paper: 0.4 to 1.2", 0.0, 3.0)
     gains: tuple[float, float] = option((0.9, 1.1), "factor of stiffness and of damping", "-", PAPER_TEXT, 0.1, 3.0)
     trunk_density: tuple[float, float] = option(
         (-0.05, 0.1),
@@ -162,6 +162,9 @@ class DiscriminatorConfig:
         "yes/no",
         "paper: by MotionWeight alone",
     )
+    disturbed: bool = option(
+        False, "read windows of disturbed rollouts too", "yes/no", "with them steps were quicker than the clips'"
+    )
     use_augmented: bool = option(
         True, "use mirrored, time-scaled and perturbed clips", "yes/no", "benchmarks/ablation.py"
     )
@@ -192,7 +195,7 @@ class ScheduleConfig:
         (0.02, 0.25), "delays, slopes and pushes grow to their largest", source="small pushes teach the wrong step"
     )
     final_ramp: tuple[float, float] = share(
-        (0.7, 1.0), "divergence, deviation and weight of power go to their last values", source="calm steps"
+        (0.6, 0.9), "divergence, deviation and weight of power go to their last values", source="calm steps"
     )
 
 
@@ -297,6 +300,7 @@ PAPER = RECIPE.changed(
         "rewards.feet_slide": -0.25,
         "rewards.saturation": 0.0,
         "rewards.joint_limits": "indicator",
+        "randomization.friction": (0.4, 1.2),
         "randomization.delay_s": 0.0,
         "randomization.slope_deg": 0.0,
         "randomization.rotor_link_share": 0.0,
@@ -308,6 +312,7 @@ PAPER = RECIPE.changed(
         "discriminator.learning_rate": 1e-4,
         "discriminator.gradient_penalty": 10.0,
         "discriminator.by_command": False,
+        "discriminator.disturbed": True,
         "ppo.entropy": 0.005,
         "ppo.desired_kl": 0.01,
         "ppo.final_kl": 0.01,

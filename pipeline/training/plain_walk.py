@@ -19,7 +19,6 @@ from pipeline.deployment.task import ACTION_SCALE, HISTORY
 STEP_S, CONTROL_EVERY = 0.002, 10
 MEASURE_S = 6.0
 """Time at the end of a walk that is measured [s]."""
-FORCE_S = 0.1
 MAX_TILT_COS = 0.5
 AIR_S = 0.04
 """A touchdown ends a swing of at least this long [s]."""
@@ -33,8 +32,6 @@ class Walk:
 
     command: tuple[float, float, float]
     seconds: float = 10.0
-    push: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Impulse forward and to the left in the world [N s], and when [s]."""
     seed: int = 0
 
 
@@ -105,9 +102,6 @@ class World:
         low, high = self.bounds()
         torque = np.clip(self.kp * (self.target - data.qpos[7:]) - self.kd * data.qvel[6:], low, high)
         data.qfrc_applied[6:] = torque
-        forward, left, start_s = self.walk.push
-        on = start_s <= data.time < start_s + FORCE_S
-        data.xfrc_applied[self.root, :2] = (forward / FORCE_S, left / FORCE_S) if on else (0.0, 0.0)
         mujoco.mj_step(self.model, data)
         return torque
 
@@ -127,53 +121,34 @@ class World:
 
 
 def walked(bundle: Path, policy: Path, walk: Walk) -> dict[str, float]:
-    """Figures of a walk over its last MEASURE_S; of one that fell, that it did, and of a push, whether it fell."""
-    world = World(bundle, load_policy(policy), walk)
-    steps, notes = round(walk.seconds / STEP_S), Notes(world)
-    first = steps - round(MEASURE_S / STEP_S) if not any(walk.push) else steps
+    """Figures of a walk over its last MEASURE_S; of one that fell, that it did and when."""
+    world, power, rows = World(bundle, load_policy(policy), walk), [], []
+    steps = round(walk.seconds / STEP_S)
     for step in range(steps):
         if step % CONTROL_EVERY == 0:
             world.decide()
-        torque = world.step()
+        torque, data = world.step(), world.data
         if world.fell:
-            return {"fell": 1.0, "fell_s": world.data.time}
-        if step >= max(first, 0):
-            notes.add_effort(torque)
+            return {"fell": 1.0, "fell_s": data.time}
+        if step >= steps - round(MEASURE_S / STEP_S):
+            power.append(float(np.abs(torque * data.qvel[6:]).sum()))
             if step % CONTROL_EVERY == CONTROL_EVERY - 1:
-                notes.add()
-    return {"fell": 0.0, **(notes.figures() if first < steps else {})}
+                heading = np.arctan2(data.xmat[world.root][3], data.xmat[world.root][0])
+                rows.append([heading, *data.qvel[:2], *world.touching()])
+    return {"fell": 0.0, "power": float(np.mean(power)), **_figures(np.array(rows, dtype=float))}
 
 
-class Notes:
-    """What is written down of a walk: power at each physics step, the rest at each control step."""
-
-    def __init__(self, world: World):
-        self._world, self._rows = world, []
-        self._power: list[float] = []
-
-    def add_effort(self, torque: np.ndarray) -> None:
-        """Power of the joints with these torques."""
-        self._power.append(float(np.abs(torque * self._world.data.qvel[6:]).sum()))
-
-    def add(self) -> None:
-        """The state."""
-        world, data = self._world, self._world.data
-        heading = np.arctan2(data.xmat[world.root][3], data.xmat[world.root][0])
-        self._rows.append([heading, *data.qvel[:2], *world.touching()])
-
-    def figures(self) -> dict[str, float]:
-        """Means over the recorded time."""
-        table = np.array(self._rows, dtype=float)
-        heading, vx, vy = table[:, :3].T
-        touch, cos, sin = table[:, 3:] > 0.0, np.cos(heading), np.sin(heading)
-        control_s, turned = STEP_S * CONTROL_EVERY, np.unwrap(heading)
-        return {
-            "forward": float((vx * cos + vy * sin).mean()),
-            "lateral": float((vy * cos - vx * sin).mean()),
-            "yaw_rate": float((turned[-1] - turned[0]) / ((len(table) - 1) * control_s)),
-            "power": float(np.mean(self._power)),
-            "touchdowns_per_min": sum(touchdown_rate(touch[:, foot], control_s) for foot in (0, 1)),
-        }
+def _figures(table: np.ndarray) -> dict[str, float]:
+    """Velocities in the yaw frame and touchdowns, of heading, velocity and feet on the ground (t, 5)."""
+    heading, vx, vy = table[:, :3].T
+    touch, cos, sin = table[:, 3:] > 0.0, np.cos(heading), np.sin(heading)
+    control_s, turned = STEP_S * CONTROL_EVERY, np.unwrap(heading)
+    return {
+        "forward": float((vx * cos + vy * sin).mean()),
+        "lateral": float((vy * cos - vx * sin).mean()),
+        "yaw_rate": float((turned[-1] - turned[0]) / ((len(table) - 1) * control_s)),
+        "touchdowns_per_min": sum(touchdown_rate(touch[:, foot], control_s) for foot in (0, 1)),
+    }
 
 
 def touchdown_rate(touch: np.ndarray, control_s: float) -> float:

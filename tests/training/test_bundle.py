@@ -72,6 +72,7 @@ def test_a_bundle_has_what_it_states_and_can_do_without_augmented_clips(tmp_path
     both, plain = read_bundle(folder), read_bundle(folder, use_augmented=False)
     assert len(both.expert.clip_weight) == 2
     assert len(plain.expert.clip_weight) == 1
+    assert both.expert.clip_disturbed.tolist() == [False, True]
     assert len(plain.expert.frames) == plain.expert.clip_start[-1] < len(both.expert.frames)
     assert np.all(plain.expert.command == 0.0)
     assert both.robot.policy_joints[:3] == ("Left_Shoulder_Pitch", "Right_Shoulder_Pitch", "Waist")

@@ -49,7 +49,7 @@ def test_options_round_trip_through_texts():
         ("simulation.num_envs", "many", "option 'simulation.num_envs' is 'many'; it must look like '4096'"),
         ("simulation.num_envs", "0", r"option 'simulation.num_envs' is 0; 1 to 65536 is allowed \[count\]"),
         ("simulation.num_envs", "4096.5", "must look like '4096'"),
-        ("randomization.friction", "0.4", "option 'randomization.friction' is '0.4'; it must look like '0.4,1.2'"),
+        ("randomization.friction", "0.4", "option 'randomization.friction' is '0.4'; it must look like '0.3,1.2'"),
         ("randomization.friction", "1.2,0.4", "the smaller number comes first"),
         ("discriminator.loss", "hinge", "'discriminator.loss' is 'hinge'; it must be wasserstein or bce"),
         ("discriminator.style", "1.5", r"is 1.5; 0 to 1 is allowed \[share\]"),

@@ -67,7 +67,7 @@ def test_an_update_of_a_very_asymmetric_policy_is_finite(tmp_path, root, robot):
 
 def test_the_deviation_sinks_at_the_end_of_a_run(tmp_path, root, robot):
     stage, found = amp_stage(tmp_path, root, robot), []
-    for share in (0.7, 0.85, 1.0):
+    for share in (0.6, 0.75, 0.9):
         stage.iterate(share)
         found.append(float(stage.algorithm.get_policy().distribution.std_param.detach().max()))
     assert 0.45 < found[0] <= 0.5

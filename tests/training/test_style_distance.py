@@ -36,6 +36,7 @@ def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
         command=command,
         clip_start=np.array([0, 30, 60, 90, 120]),
         clip_weight=np.ones(4),
+        clip_disturbed=np.zeros(4, bool),
     )
     every, odd, even = expert_sets(expert, (1.0, 0.0, 0.0), np.random.default_rng(0))
     assert len(every) == 3 * (30 - 9)
@@ -62,7 +63,7 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
     assert windows.shape == (100, 240)
     assert np.abs(windows).max() <= 10.0
     with pytest.raises(TrainingError, match="falls at the command"):
-        walked_features(bundle, policy, Walk(command=(0.0, 0.0, 0.0), push=(-90.0, 0.0, 1.0)))
+        walked_features(bundle, policy, Walk(command=(9.0, 0.0, 0.0)))
 
 
 def test_what_is_no_policy_is_refused_by_name(tmp_path, root, robot):
