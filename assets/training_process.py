@@ -260,7 +260,7 @@ def validation_of(folder: Path) -> dict[str, Any]:
     measured = [{"figure": name, "value": value} for name, value in figures["figures"].items()]
     return {
         "verdict": figures["summary"],
-        "checkpoint": f"iteration {sweep['iteration']}, the best of {len(swept)} in the sweep without noise",
+        "checkpoint": f"iteration {sweep['iteration']}, the best of {len(swept)} on development trials",
         "sweep of checkpoints": table_of(swept),
         "figures": table_of(measured),
     }

@@ -3,7 +3,7 @@
 <folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
 <folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
 <folder>/adapted_robot/<robot>/  the robot's own folder, for validation
-<folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
+<folder>/expert.npz    frames and commands of the expert database, and of each clip its weight, start and origin
 <folder>/tracker.npz   the tracker, where the project has one
 <folder>/references.npz  clips that it follows, with the velocity of its undisturbed rollouts
 <folder>/bundle.json   digests of robot and database, and what the database may be used for

@@ -30,8 +30,6 @@ class ExpertFrames:
     """(c + 1,) index of each clip's first frame, and the end."""
     clip_weight: np.ndarray
     """(c,) `MotionWeight`."""
-    clip_disturbed: np.ndarray
-    """(c,) whether it is a rollout under disturbances."""
 
     @property
     def controlled(self) -> int:
@@ -111,8 +109,8 @@ class Bundle:
         return self.folder / "adapted_robot" / self.robot.name
 
 
-def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
-    """The bundle in a folder; without augmented clips, only those that the recordings gave.
+def read_bundle(folder: Path, use_augmented: bool = True, use_disturbed: bool = True) -> Bundle:
+    """The bundle in a folder; on request without variants of the recordings, or without disturbed rollouts.
 
     Raises TrainingError where a file is missing, changed or of another schema, or no clip is left.
     """
@@ -121,26 +119,30 @@ def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
     return Bundle(
         folder=folder,
         robot=robot,
-        expert=_expert(folder / "expert.npz", use_augmented),
+        expert=_expert(folder / "expert.npz", use_augmented, use_disturbed),
         about=about,
         digest=digest,
         teacher=_teacher(folder, robot) if TRACKER in about["files"] else None,
     )
 
 
-def _expert(path: Path, use_augmented: bool) -> ExpertFrames:
+def _expert(path: Path, use_augmented: bool, use_disturbed: bool) -> ExpertFrames:
     with np.load(path, allow_pickle=False) as arrays:
         start = arrays["clip_start"]
-        taken = np.ones(len(start) - 1, dtype=bool) if use_augmented else ~arrays["clip_augmented"]
-        if not taken.any():
-            raise TrainingError(f"{path}: no clip is left without the augmented ones.")
+        left_out = np.zeros(len(start) - 1, dtype=bool)
+        for used, name in ((use_augmented, "augmented"), (use_disturbed, "disturbed")):
+            left_out |= np.zeros_like(left_out) if used else arrays[f"clip_{name}"]
+            if left_out.all():
+                raise TrainingError(
+                    f"{path}: no clip is left without the {name} ones. Use them: discriminator.use_{name}=true."
+                )
+        taken = ~left_out
         rows = np.repeat(taken, np.diff(start))
         return ExpertFrames(
             frames=arrays["frames"][rows],
             command=arrays["command"][rows],
             clip_start=np.concatenate([[0], np.cumsum(np.diff(start)[taken])]),
             clip_weight=arrays["clip_weight"][taken],
-            clip_disturbed=arrays["clip_disturbed"][taken],
         )
 
 

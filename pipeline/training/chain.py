@@ -182,14 +182,17 @@ def _same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> dic
     except ValueError as error:
         raise TrainingError(f"{path}: is not JSON ({error}). Give another --out.") from error
     asked = json.loads(json.dumps(config))
-    differs = [name for name in settings if known.get(name) != asked[name]]
+    at, differs = "", [name for name in settings if known.get(name) != asked[name]]
     if "options" in differs:
         before, now = known.get("options") or {}, asked["options"]
         changed = [name for name in {**before, **now} if before.get(name) != now.get(name)]
         differs = [name for name in differs if name != "options"] + changed
+        at = "" if set(before) == set(now) else f" at commit {known.get('commit', 'unknown')}"
     if differs:
         shown = ", ".join(differs).replace("processes", "number of processes")
-        raise TrainingError(f"{out}: is of a run with another {shown}. Repeat its own command, or give another --out.")
+        raise TrainingError(
+            f"{out}: is of a run with another {shown}. Repeat its own command{at}, or give another --out."
+        )
     return known
 
 

@@ -162,11 +162,11 @@ class DiscriminatorConfig:
         "yes/no",
         "paper: by MotionWeight alone",
     )
-    disturbed: bool = option(
-        False, "read windows of disturbed rollouts too", "yes/no", "with them steps were quicker than the clips'"
-    )
     use_augmented: bool = option(
         True, "use mirrored, time-scaled and perturbed clips", "yes/no", "benchmarks/ablation.py"
+    )
+    use_disturbed: bool = option(
+        False, "use disturbed rollouts", "yes/no", "with them steps are quicker than the clips'"
     )
 
 
@@ -312,7 +312,7 @@ PAPER = RECIPE.changed(
         "discriminator.learning_rate": 1e-4,
         "discriminator.gradient_penalty": 10.0,
         "discriminator.by_command": False,
-        "discriminator.disturbed": True,
+        "discriminator.use_disturbed": True,
         "ppo.entropy": 0.005,
         "ppo.desired_kl": 0.01,
         "ppo.final_kl": 0.01,

@@ -252,6 +252,7 @@ def test_approved_ranges_widen_one_end_each():
     assert found == ("pushes.kick_m_s=0.3,1.7", "randomization.friction=0.3,1.2")
     found = amp_policy.widened("recipe", [Change("gain_range", 0.85, 0.9), Change("push_speed", 1.7, 1.5)])
     assert found == ("pushes.kick_m_s=0,2.04", "randomization.gains=0.85,1.1")
+    assert amp_policy.widened("recipe", [Change("friction", 0.25, 0.3)]) == ("randomization.friction=0.25,1.2",)
     assert amp_policy.widened("recipe", [Change("friction", 0.5, 0.6)]) == ("randomization.friction=0.3,1.2",)
     assert amp_policy.widened("paper", []) == ()
 

@@ -18,7 +18,6 @@ def expert_of(*clips: tuple[np.ndarray, np.ndarray]) -> ExpertFrames:
         command=np.concatenate([command for _, command in clips]),
         clip_start=np.cumsum([0, *(len(frames) for frames, _ in clips)]),
         clip_weight=np.ones(len(clips)),
-        clip_disturbed=np.zeros(len(clips), bool),
     )
 
 

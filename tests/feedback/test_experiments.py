@@ -18,7 +18,7 @@ ONE_STEP = {
     ("augmentation", "time_scale of side_left"): RULES.augmentation["time_scale"].first,
     ("augmentation", "step_width of side_left"): RULES.augmentation["step_width"].first,
     ("augmentation", "step_length of side_left"): 1.0 - RULES.augmentation["step_length"].first,
-    ("randomization", "friction"): 0.35,
+    ("randomization", "friction"): 0.25,
     ("randomization", "gain_range"): 0.85,
     ("randomization", "push_speed"): 1.55,
 }
@@ -54,15 +54,15 @@ def test_another_validation_of_the_same_policy_moves_nothing_further():
 
 def test_another_policy_in_simulation_is_another_experiment():
     found = values(proposal(*cells(28), *cells(28, first=100, policy=OTHER)))
-    assert found["randomization", "friction"] == pytest.approx(0.3)
+    assert found["randomization", "friction"] == pytest.approx(0.2)
     assert found["weights", LEFT_CELL] == RULES.weights.per_experiment**2
 
 
 def test_each_log_of_the_robot_counts_and_simulation_beside_it_once():
-    real = [report(200 + number, failure("slip")) for number in range(2)]
+    real = [report(200, failure("slip"))]
     found = values(proposal(*real, *cells(28), rules=ALWAYS))
-    assert values(proposal(*real))["randomization", "friction"] == pytest.approx(0.3)
-    assert found["randomization", "friction"] == pytest.approx(0.25)
+    assert values(proposal(*real))["randomization", "friction"] == pytest.approx(0.25)
+    assert found["randomization", "friction"] == pytest.approx(0.2)
 
 
 def test_many_simulated_failures_do_not_outvote_what_the_robot_walked_well():
@@ -95,7 +95,7 @@ def test_a_change_says_how_many_logs_it_has_and_how_often_they_count():
 def test_what_one_experiment_does_not_allow_is_refused_whoever_wrote_the_file(tmp_path):
     changes = proposal(*cells(28)).changes
     further = tuple(dataclasses.replace(each, value=0.2) for each in changes if each.what == "friction")
-    with pytest.raises(ChangeError, match=r"'friction' is 0\.2; by 28 logs that count as 1 allowed is 0\.35 to 0\.4"):
+    with pytest.raises(ChangeError, match=r"'friction' is 0\.2; by 28 logs that count as 1 allowed is 0\.25 to 0\.3"):
         check_bounds(further, RULES)
     write_entries(tmp_path / "approved.yaml", entries_of(further, "x", "a person"))
     assert list(read_approvals(tmp_path / "approved.yaml", RULES).faults) == ["randomization"]

@@ -189,6 +189,6 @@ def test_a_change_beyond_what_its_logs_allow_is_refused():
         check_bounds([change, change], RULES)
     with pytest.raises(ChangeError, match=r"nothing that data/feedback_rules\.yaml has a rule for"):
         check_bounds([dataclasses.replace(change, section="randomization", what="gravity")], RULES)
-    with pytest.raises(ChangeError, match=r"is 0.001 before, but 0.4 by the rules"):
-        wider = dataclasses.replace(change, section="randomization", what="friction", before=0.001, value=0.35)
+    with pytest.raises(ChangeError, match=r"is 0.001 before, but 0.3 by the rules"):
+        wider = dataclasses.replace(change, section="randomization", what="friction", before=0.001, value=0.25)
         check_bounds([wider], RULES)

@@ -134,7 +134,8 @@ def test_a_folder_of_another_run_is_refused(run, folder, tmp_path, capsys):
     config["options"]["schedule.minutes"] = 45.0
     (tmp_path / "older" / "config.json").write_text(json.dumps(config))
     assert main(command(folder, tmp_path / "older", *BOTH)) == 2
-    assert "another schedule.minutes." in capsys.readouterr().err
+    cure = f"Repeat its own command at commit {config['commit']}, or give another --out."
+    assert f"another schedule.minutes. {cure}" in capsys.readouterr().err
 
 
 def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, capsys):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -11,7 +10,6 @@ import torch
 from torch import nn
 
 from pipeline.learning.robot_facts import read_robot_facts
-from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.algorithm import mean_where_not
 from pipeline.training.amp.discriminator import (
     Discriminator,
@@ -50,7 +48,6 @@ def expert() -> ExpertFrames:
         command=command,
         clip_start=np.array([0, 30, 50]),
         clip_weight=np.array([1.0, 3.0]),
-        clip_disturbed=np.zeros(2, bool),
     )
 
 
@@ -103,20 +100,6 @@ def test_windows_stay_within_one_clip(expert):
     frame = (windows[:, :, 0].numpy() - 7) / 100.0
     assert np.all(np.diff(frame, axis=1) == 1)
     assert not np.any((frame[:, 0] < 30) & (frame[:, -1] >= 30))
-
-
-def test_disturbed_rollouts_are_read_where_the_configuration_says_so(expert):
-    one = dataclasses.replace(expert, clip_disturbed=np.array([True, False]))
-    config = RECIPE.changed(SMALL)
-    plain, both = (
-        expert_windows(one, config.changed({"discriminator.disturbed": read}), torch.arange(SIZE), seed=0)
-        for read in (False, True)
-    )
-    first = [(windows[:, 0, 0].numpy() - 7) / 100.0 < 29.5 for windows in (plain, both)]
-    assert not first[0].any() and first[1].any()
-    only = dataclasses.replace(expert, clip_disturbed=np.ones(2, bool))
-    with pytest.raises(TrainingError, match=r"set discriminator\.disturbed=true"):
-        expert_windows(only, config, torch.arange(SIZE), seed=0)
 
 
 def test_clips_are_drawn_by_their_weight(expert):

@@ -68,11 +68,7 @@ def put(env, frames: np.ndarray) -> None:
     """Write expert frames as the environments' states."""
     facts = env.context.bundle.robot
     expert = ExpertFrames(
-        frames=frames,
-        command=np.zeros((4, 3), np.float32),
-        clip_start=np.array([0, 4]),
-        clip_weight=np.ones(1),
-        clip_disturbed=np.zeros(1, bool),
+        frames=frames, command=np.zeros((4, 3), np.float32), clip_start=np.array([0, 4]), clip_weight=np.ones(1)
     )
     index, none = facts.index(facts.controlled), np.full((4, 3), np.nan, np.float32)
     states = expert_states(expert, np.arange(4), none, index, facts.default_joint_pos, "cpu")

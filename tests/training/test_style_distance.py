@@ -36,7 +36,6 @@ def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
         command=command,
         clip_start=np.array([0, 30, 60, 90, 120]),
         clip_weight=np.ones(4),
-        clip_disturbed=np.zeros(4, bool),
     )
     every, odd, even = expert_sets(expert, (1.0, 0.0, 0.0), np.random.default_rng(0))
     assert len(every) == 3 * (30 - 9)

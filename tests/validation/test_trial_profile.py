@@ -96,6 +96,8 @@ def test_the_quick_suite_is_a_part_of_the_full_one(robot: Robot):
 
 def test_no_trial_is_judged_that_chose_the_checkpoint_and_none_is_judged_twice(robot: Robot):
     judged, unseen = full(robot), cells_of(HELD_OUT, robot)
+    unpushed = [[cell.name for cell in cells if "push" not in cell.name] for cells in (sweep_cells(robot), judged)]
+    assert unpushed[0] == unpushed[1]
     assert [(cell.name, len(cell.trials)) for cell in unseen] == [(cell.name, len(cell.trials)) for cell in judged]
     chosen, first, second = (
         [repr(trial) for cell in cells for trial in cell.trials] for cells in (sweep_cells(robot), judged, unseen)

@@ -1,13 +1,11 @@
 """Expert frames as they are drawn: windows for the discriminator, and start states of episodes."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.features import frame_features
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.config import CommandsConfig, Config
@@ -82,15 +80,8 @@ def drawn_frames(
 
 
 def expert_windows(expert: ExpertFrames, config: Config, columns: torch.Tensor, seed: int) -> torch.Tensor:
-    """Windows (n, h, f) of the columns and, by command, of the command; each is of one clip.
-
-    Raises TrainingError where only disturbed rollouts are left and the discriminator does not read them.
-    """
+    """Windows (n, h, f) of the columns and, by command, of the command; each is of one clip."""
     length = config.discriminator.frames
-    if not config.discriminator.disturbed:
-        if expert.clip_disturbed.all():
-            raise TrainingError("every expert clip is a disturbed rollout; set discriminator.disturbed=true.")
-        expert = replace(expert, clip_weight=np.where(expert.clip_disturbed, 0.0, expert.clip_weight))
     first, command, _ = drawn_frames(expert, window_starts(expert, length), config, seed, OWN)
     known = frame_features(torch.from_numpy(expert.frames))[:, columns]
     motion = known[torch.from_numpy(first[:, None] + np.arange(length))]
