@@ -3,7 +3,7 @@
 <folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
 <folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
 <folder>/adapted_robot/<robot>/  the robot's own folder, for validation
-<folder>/expert.npz    frames and commands of the expert database, and of each clip its weight, start and origin
+<folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
 <folder>/tracker.npz   the tracker, where the project has one
 <folder>/references.npz  clips that it follows, with the velocity of its undisturbed rollouts
 <folder>/bundle.json   digests of robot and database, and what the database may be used for
@@ -34,7 +34,7 @@ from pipeline.robot.kinematics import mujoco_model
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.run import fall_height
 
-SCHEMA = "booster-lab training bundle 3"
+SCHEMA = "booster-lab training bundle 2"
 ROBOT = "adapted_robot"
 """Where the robot's folder is."""
 COMMAND_WINDOW_S = 1.0
@@ -178,7 +178,6 @@ def expert_arrays(database: Database) -> bytes:
         "clip_start": np.cumsum([0, *(len(clip.frames) for clip in clips)]),
         "clip_weight": np.array([clip.weight for clip in clips]),
         "clip_augmented": np.array([variants[name] != "original" for name in names]),
-        "clip_disturbed": database.index.get("rollout", np.zeros(len(names))) > 0,
         "clip_name": np.array(names),
         "clip_skill": np.array([clip.skill for clip in clips]),
     }

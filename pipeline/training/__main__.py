@@ -56,7 +56,7 @@ def _train(given: argparse.Namespace) -> None:
         out=given.out, preset=given.preset, config=config, device=device, seed=given.seed, physics=given.physics
     )
     stages = stages_of(request, given.stages)
-    bundle = read_bundle(given.bundle, config.discriminator.use_augmented, config.discriminator.use_disturbed)
+    bundle = read_bundle(given.bundle, config.discriminator.use_augmented)
     try:
         train(bundle, request, stages)
     except (MemoryError, RuntimeError) as error:

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.learning.robot_facts import CURE, RobotFacts, read_head, read_robot_facts
 from pipeline.learning.training_error import TrainingError
 
-SCHEMA = "booster-lab training bundle 3"
+SCHEMA = "booster-lab training bundle 2"
 FPS = 50.0
 TRACKER, REFERENCES = "tracker.npz", "references.npz"
 """Files that distillation needs; a bundle of a project without a tracker lacks them."""
@@ -109,8 +109,8 @@ class Bundle:
         return self.folder / "adapted_robot" / self.robot.name
 
 
-def read_bundle(folder: Path, use_augmented: bool = True, use_disturbed: bool = True) -> Bundle:
-    """The bundle in a folder; on request without variants of the recordings, or without disturbed rollouts.
+def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
+    """The bundle in a folder; without augmented clips, only those that the recordings gave.
 
     Raises TrainingError where a file is missing, changed or of another schema, or no clip is left.
     """
@@ -119,24 +119,19 @@ def read_bundle(folder: Path, use_augmented: bool = True, use_disturbed: bool = 
     return Bundle(
         folder=folder,
         robot=robot,
-        expert=_expert(folder / "expert.npz", use_augmented, use_disturbed),
+        expert=_expert(folder / "expert.npz", use_augmented),
         about=about,
         digest=digest,
         teacher=_teacher(folder, robot) if TRACKER in about["files"] else None,
     )
 
 
-def _expert(path: Path, use_augmented: bool, use_disturbed: bool) -> ExpertFrames:
+def _expert(path: Path, use_augmented: bool) -> ExpertFrames:
     with np.load(path, allow_pickle=False) as arrays:
         start = arrays["clip_start"]
-        left_out = np.zeros(len(start) - 1, dtype=bool)
-        for used, name in ((use_augmented, "augmented"), (use_disturbed, "disturbed")):
-            left_out |= np.zeros_like(left_out) if used else arrays[f"clip_{name}"]
-            if left_out.all():
-                raise TrainingError(
-                    f"{path}: no clip is left without the {name} ones. Use them: discriminator.use_{name}=true."
-                )
-        taken = ~left_out
+        taken = np.ones(len(start) - 1, dtype=bool) if use_augmented else ~arrays["clip_augmented"]
+        if not taken.any():
+            raise TrainingError(f"{path}: no clip is left without the augmented ones.")
         rows = np.repeat(taken, np.diff(start))
         return ExpertFrames(
             frames=arrays["frames"][rows],

@@ -165,9 +165,6 @@ class DiscriminatorConfig:
     use_augmented: bool = option(
         True, "use mirrored, time-scaled and perturbed clips", "yes/no", "benchmarks/ablation.py"
     )
-    use_disturbed: bool = option(
-        False, "use disturbed rollouts", "yes/no", "with them steps are quicker than the clips'"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -312,7 +309,6 @@ PAPER = RECIPE.changed(
         "discriminator.learning_rate": 1e-4,
         "discriminator.gradient_penalty": 10.0,
         "discriminator.by_command": False,
-        "discriminator.use_disturbed": True,
         "ppo.entropy": 0.005,
         "ppo.desired_kl": 0.01,
         "ppo.final_kl": 0.01,

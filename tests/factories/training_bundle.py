@@ -18,7 +18,7 @@ from tests.factories.tracking_bundle import tracker_file
 
 
 def small_bundle(folder: Path, root: Path, robot: Robot, tracker: str = "") -> Path:
-    """A bundle of a standing clip and of a wandering one that counts as augmented and as disturbed.
+    """A bundle of a standing clip and of a wandering one that counts as augmented.
 
     `tracker`: also a tracker with a standing and a waving clip; `passive`: its targets are the clip's joints;
     `shipped`: the one that ships.
@@ -26,10 +26,10 @@ def small_bundle(folder: Path, root: Path, robot: Robot, tracker: str = "") -> P
     actuators = adapt(robot, [], settings.read(root / "data" / "actuators.yaml", ActuatorSettings))
     write_adapted_robot(folder / "adapted" / robot.name, root / "robots" / robot.name, actuators)
     entries = [
-        ExpertEntry(clip=clip, weight=weight, skill="stand", licence="CC0-1.0", numbers=numbers, stages={})
-        for clip, weight, numbers in (
-            (standing(robot), 1.0, {"variant": "original", "rollout": 0}),
-            (wandering(robot, seconds=3.0), 3.0, {"variant": "mirror", "rollout": 1}),
+        ExpertEntry(clip=clip, weight=weight, skill="stand", licence="CC0-1.0", numbers={"variant": variant}, stages={})
+        for clip, weight, variant in (
+            (standing(robot), 1.0, "original"),
+            (wandering(robot, seconds=3.0), 3.0, "mirror"),
         )
     ]
     write_database(folder / "database", entries, robot, stages={})

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import shutil
 import subprocess
 import sys
 
@@ -74,13 +72,9 @@ def test_a_bundle_has_what_it_states_and_can_do_without_augmented_clips(tmp_path
     both, plain = read_bundle(folder), read_bundle(folder, use_augmented=False)
     assert len(both.expert.clip_weight) == 2
     assert len(plain.expert.clip_weight) == 1
-    undisturbed = read_bundle(folder, use_disturbed=False)
-    assert np.array_equal(undisturbed.expert.frames, plain.expert.frames), "the clip that wanders is both"
     assert len(plain.expert.frames) == plain.expert.clip_start[-1] < len(both.expert.frames)
     assert np.all(plain.expert.command == 0.0)
     assert both.robot.policy_joints[:3] == ("Left_Shoulder_Pitch", "Right_Shoulder_Pitch", "Waist")
-    with pytest.raises(TrainingError, match=r"no clip is left .* Use them: discriminator\.use_disturbed=true\."):
-        read_bundle(only_disturbed(folder), use_disturbed=False)
     robot_xml = folder / "robot.xml"
     robot_xml.write_text(robot_xml.read_text() + " ")
     with pytest.raises(TrainingError, match=r"robot\.xml: its digest is not the one"):
@@ -88,19 +82,6 @@ def test_a_bundle_has_what_it_states_and_can_do_without_augmented_clips(tmp_path
     robot_xml.unlink()
     with pytest.raises(TrainingError, match=r"robot\.xml: the file is missing"):
         read_bundle(folder)
-
-
-def only_disturbed(folder):
-    """A copy of a bundle in which every clip counts as a disturbed rollout."""
-    other = folder.parent / "only_disturbed"
-    shutil.copytree(folder, other)
-    with np.load(folder / "expert.npz") as arrays:
-        changed = {**arrays, "clip_disturbed": np.ones(len(arrays["clip_weight"]), dtype=bool)}
-    np.savez(other / "expert.npz", **changed)
-    about = json.loads((other / "bundle.json").read_text())
-    about["files"]["expert.npz"] = hashlib.sha256((other / "expert.npz").read_bytes()).hexdigest()
-    (other / "bundle.json").write_text(json.dumps(about))
-    return other
 
 
 def moved(clip, speed: float):

@@ -38,7 +38,7 @@ def test_the_recipe_is_the_default_of_every_option():
 
 def test_the_papers_setting_has_nothing_of_the_recipes_last_part():
     values = PAPER.values()
-    assert values["randomization.friction"] == (0.4, 1.2) and values["discriminator.use_disturbed"]
+    assert values["randomization.friction"] == (0.4, 1.2)
     assert values["rewards.power"] == 0.0 and values["ppo.final_std"] == 1.0
     assert values["ppo.final_kl"] == values["ppo.desired_kl"]
 
