@@ -139,7 +139,12 @@ def walked(bundle: Path, policy: Path, walk: Walk) -> dict[str, float]:
 
 
 def _figures(table: np.ndarray) -> dict[str, float]:
-    """Velocities in the yaw frame and touchdowns, of heading, velocity and feet on the ground (t, 5)."""
+    """Mean velocities in the yaw frame, and touchdowns a minute.
+
+    Args:
+        table: (t, 5), a row a control step: heading [rad], velocity x and y in the world [m/s], and whether the left
+            and the right foot touch the ground
+    """
     heading, vx, vy = table[:, :3].T
     touch, cos, sin = table[:, 3:] > 0.0, np.cos(heading), np.sin(heading)
     control_s, turned = STEP_S * CONTROL_EVERY, np.unwrap(heading)
