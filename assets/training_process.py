@@ -138,7 +138,8 @@ def device_of(wanted: str, gpus: int) -> str:
     device = wanted if wanted != "auto" else "cuda" if there else "cpu"
     if device == "cuda" and there < gpus:
         raise TrainingFailedError(
-            f"{gpus} GPUs are asked for, {there} are here; ask for fewer, or set the device to 'cpu'."
+            f"{gpus} GPUs are asked for, {there} are here. Ask for fewer, or leave the device at 'auto': without a GPU "
+            "that trains a trial."
         )
     return device
 

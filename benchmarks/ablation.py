@@ -96,8 +96,9 @@ def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
 
 
 def figures_of(folder: Path, style: Path | None) -> dict[str, float]:
-    """Figures of a run's validation; style from the bundle `style`, if given."""
+    """Figures of a run's validation, and minutes of its training; style from the bundle `style`, if given."""
     figures = from_json(json.loads((folder / "validation" / "figures.json").read_text())["figures"])
+    figures["minutes of training"] = json.loads((folder / "done.json").read_text())["seconds"] / 60.0
     return figures | (style_figures(style, folder / "policy.npz") if style else {})
 
 

@@ -123,8 +123,8 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         "command": run.get("command", missing),
         "preset, seed": f"{preset}, {run.get('seed', missing)}",
         "environments, device": f"{run.get('num_envs', missing)}, {run.get('device', missing)}",
-        "trained": f"{run.get('iterations', '?')} iterations, {run.get('seconds', '?')} s",
-        "GPU minutes": _minutes(card.run),
+        "trained": f"{run.get('iterations', '?')} iterations, {run.get('seconds', '?')} s{_continued(card.run)}",
+        "GPU minutes without the tracker's": _minutes(card.run),
         "training bundle": run.get("bundle_digest", missing),
         "motor limits": data.get("motors", missing),
         "expert database": data.get("digest", missing),
@@ -141,6 +141,13 @@ def card_rows(card: ModelCard) -> dict[str, str]:
 def _minutes(facts: dict[str, Any]) -> str:
     seconds = facts.get("gpu_seconds")
     return f"{seconds / 60.0:.1f}" if isinstance(seconds, (int, float)) else "not stated"
+
+
+def _continued(facts: dict[str, Any]) -> str:
+    """Where stages were continued after an interruption: a continued run is another sample than one in one go."""
+    stages = {name: _object(done).get("resumed_at") for name, done in _object(facts.get("stages")).items()}
+    told = [f"{name} at {', '.join(map(str, at))}" for name, at in stages.items() if isinstance(at, list) and at]
+    return f"; continued: {'; '.join(told)}" if told else ""
 
 
 def _figure_rows(card: ModelCard) -> dict[str, str]:

@@ -4,6 +4,8 @@ import csv
 from collections.abc import Mapping
 from pathlib import Path
 
+from pipeline.learning.training_error import TrainingError
+
 
 class CurvesFile:
     """`curves.csv`, whole after every write. A resumed run keeps the rows before its checkpoint."""
@@ -26,9 +28,14 @@ class CurvesFile:
         self._lines.append(",".join(str(value) if isinstance(value, int) else f"{value:.5g}" for value in row.values()))
 
     def write(self) -> None:
-        """Replace the file by all rows."""
+        """Replace the file by all rows. Raises TrainingError where the disk refuses."""
         if not self._lines:
             return
+        text = "\n".join([",".join(self._names), *self._lines, ""])
         part = self._path.with_suffix(".part")
-        part.write_text("\n".join([",".join(self._names), *self._lines, ""]))
-        part.replace(self._path)
+        try:
+            part.write_text(text)
+            part.replace(self._path)
+        except OSError as error:
+            problem = f"could not be written ({error.strerror or error}). Is the disk full?"
+            raise TrainingError(f"{self._path}: {problem}") from error

@@ -43,7 +43,7 @@ def _halved(weight: np.ndarray) -> np.ndarray:
     with np.errstate(over="ignore"):
         halved = weight.astype(np.float16)
     if not np.isfinite(halved).all():
-        raise TrainingError(f"the checkpoint has a weight of {np.abs(weight).max():g}: it diverged. Train again.")
+        raise TrainingError(f"the network has a weight of {np.abs(weight).max():g}: the training diverged.")
     return halved
 
 

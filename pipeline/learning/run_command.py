@@ -2,14 +2,19 @@
 
 import json
 import os
+import platform
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import PipelineError
 from pipeline.learning.training_error import TrainingError
+
+PACKAGES = ("mjlab", "mujoco", "mujoco-warp", "numpy", "rsl-rl-lib", "torch", "warp-lang")
+"""Packages that decide what a training does."""
 
 
 def exit_status(train: Callable[[], None], interrupted: str) -> int:
@@ -53,6 +58,17 @@ def commit_of(root: Path) -> str:
     except (OSError, subprocess.CalledProcessError):
         return ""
     return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of `PACKAGES`; `not stated` where a package was copied without its metadata."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not stated"
+    return found
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:

@@ -1,14 +1,11 @@
 """One training run of a tracker: from its bundle to checkpoints, curves and the tracker file."""
 
 import os
-import platform
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mjlab
-import numpy as np
 import torch
 from mjlab.rl import RslRlVecEnvWrapper
 from rsl_rl.runners import OnPolicyRunner
@@ -17,7 +14,7 @@ from tensordict import TensorDict
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.learning.curves_file import CurvesFile
 from pipeline.learning.policy_file import write_policy
-from pipeline.learning.run_command import device_name, write_json
+from pipeline.learning.run_command import device_name, versions, write_json
 from pipeline.learning.runner import learn_once
 from pipeline.learning.training_error import TrainingError
 from pipeline.tracking.bundle import CONFIG, TrackingBundle, check_trained_on
@@ -136,12 +133,20 @@ class TrackingRun:
             write_json(self.request.out / "done.json", done)
 
     def save(self) -> None:
-        """Write checkpoint, tracker file and curves; the first process alone writes."""
+        """Write checkpoint, tracker file and curves; the first process alone writes.
+
+        Raises TrainingError, without a checkpoint, where the network diverged.
+        """
         if self.rank:
             return
         state = self.runner.alg.save()
+        try:
+            arrays = tracker_arrays(state, self.bundle.robot)
+        except TrainingError as error:
+            do = "With --resume it continues from the checkpoint before."
+            raise TrainingError(f"{self.request.out}, iteration {self.iteration}: {error} {do}") from error
         save_checkpoint(self.folder, self.iteration, state, self.env.unwrapped.common_step_counter)
-        write_policy(self.request.out / "tracker.npz", tracker_arrays(state, self.bundle.robot))
+        write_policy(self.request.out / "tracker.npz", arrays)
         self._curves.write()
 
     def _out_of_time(self, seconds: float) -> bool:
@@ -206,12 +211,7 @@ class TrackingRun:
             "bundle_digest": self.bundle.digest,
             "bundle": self.bundle.about,
             "algorithm": runner_cfg(),
-            "versions": {
-                "python": platform.python_version(),
-                "torch": torch.__version__,
-                "numpy": np.__version__,
-                "mjlab": getattr(mjlab, "__version__", "1.6.0"),
-            },
+            "versions": versions(),
         }
 
 

@@ -1,1 +1,1 @@
-"""AMP training on mjlab and rsl-rl. Imports nothing of the rest of the project: GPU hosts have only mjlab's stack."""
+"""AMP training on mjlab and rsl_rl. Training (not validation) needs only their packages beside this project's code."""

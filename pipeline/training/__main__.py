@@ -5,7 +5,8 @@
     --out DIR           folder of the run
     --preset NAME       `recipe` (the default) or `paper`
     --set NAME=VALUE    change one option, as `schedule.iterations=1000`; may be repeated (`--list` prints all options)
-    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. On a CPU only distillation is trained
+    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. On a CPU only distillation is trained; there add
+                        `--set simulation.num_envs=64`
     --stages NAME ...   `distillation`, `amp`, `validation`: other stages than the device's
     --physics plain|warp  MuJoCo in threads (the default on a CPU), or MuJoCo Warp (on a GPU)
     --seed S            of everything random

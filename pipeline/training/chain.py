@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import shlex
 import shutil
 import time
@@ -25,12 +24,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import mjlab
 import numpy as np
 import torch
 
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
-from pipeline.learning.run_command import commit_of, device_name, started_module, write_json
+from pipeline.learning.run_command import commit_of, device_name, started_module, versions, write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import Bundle
 from pipeline.training.config import changed_from, texts_of
@@ -48,6 +46,8 @@ EXPORT = "export"
 CONFIG = "config.json"
 SETTINGS = ("options", "seed", "bundle_digest", "stages")
 """Parts of `config.json` that must be equal for a run to continue; until it is trained, its number of processes too."""
+NAMED = {"bundle_digest": "bundle", "stages": "choice of stages", "processes": "number of processes"}
+"""What a person calls some of them."""
 PLACES = ("commit", "device", "physics")
 """Parts that may differ when a run continues; `config.json` has all their values, as `NVIDIA H100, NVIDIA H200`."""
 POLL_S = 1.0
@@ -57,18 +57,23 @@ POLL_S = 1.0
 def stages_of(request: Request, asked: Sequence[str] | None) -> tuple[str, ...]:
     """The stages of a run: those that are asked for; otherwise all, and on a CPU all but AMP + PPO.
 
-    Raises TrainingError where nothing is left to train.
+    Raises TrainingError where nothing is left to train, or AMP + PPO would lack its distilled start.
     """
     taken = asked or (STAGES if request.device != "cpu" else (DISTILLATION, VALIDATION))
     if request.config.distillation.iterations == 0:
         taken = [name for name in taken if name != DISTILLATION]
     stages = tuple(name for name in STAGES if name in taken)
     if asked and not trained(asked):
-        raise TrainingError("validation alone makes no run. Name its other stages too, as --stages amp validation.")
+        raise TrainingError("validation alone makes no run. Name all its stages: --stages distillation amp validation.")
     if not trained(stages):
         raise TrainingError(
-            "on a CPU only distillation is trained, and distillation.iterations is 0. Use a GPU, raise it, or give "
-            "--stages amp validation."
+            "nothing is left to train: distillation.iterations is 0, and AMP + PPO is not among the stages (on a CPU "
+            "it must be named: --stages amp validation)."
+        )
+    if AMP in stages and DISTILLATION not in stages and request.config.distillation.iterations > 0:
+        raise TrainingError(
+            "AMP + PPO begins with the distilled network. Name that stage too, as --stages distillation amp, or train "
+            "from scratch: --set distillation.iterations=0."
         )
     return stages
 
@@ -85,8 +90,8 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
     """
     if DISTILLATION in stages and bundle.teacher is None:
         raise TrainingError(
-            "the bundle has no tracker to distil from. Materialize augmented_motions and write the bundle again, or "
-            "train from scratch: --set distillation.iterations=0."
+            f"{bundle.folder}: the bundle has no tracker to distil from. Materialize augmented_motions and write the "
+            "bundle again, or train from scratch: --set distillation.iterations=0."
         )
     first = int(os.getenv("RANK", "0")) == 0
     last = request.out / trained(stages)[-1]
@@ -189,10 +194,8 @@ def _same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> dic
         differs = [name for name in differs if name != "options"] + changed
         at = "" if set(before) == set(now) else f" at commit {known.get('commit', 'unknown')}"
     if differs:
-        shown = ", ".join(differs).replace("processes", "number of processes")
-        raise TrainingError(
-            f"{out}: is of a run with another {shown}. Repeat its own command{at}, or give another --out."
-        )
+        shown = ", ".join(f"another {NAMED.get(name, name)}" for name in differs)
+        raise TrainingError(f"{out}: is of a run with {shown}. Repeat its own command{at}, or give another --out.")
     return known
 
 
@@ -232,10 +235,5 @@ def _config(bundle: Bundle, request: Request, stages: Sequence[str]) -> dict[str
         "physics": chosen_physics(request.device, request.physics),
         "bundle_digest": bundle.digest,
         "bundle": bundle.about,
-        "versions": {
-            "python": platform.python_version(),
-            "torch": torch.__version__,
-            "numpy": np.__version__,
-            "mjlab": getattr(mjlab, "__version__", "1.6.0"),
-        },
+        "versions": versions(),
     }

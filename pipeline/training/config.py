@@ -112,7 +112,7 @@ class RandomizationConfig:
     gains: tuple[float, float] = option((0.9, 1.1), "factor of stiffness and of damping", "-", PAPER_TEXT, 0.1, 3.0)
     trunk_density: tuple[float, float] = option(
         (-0.05, 0.1),
-        "half the logarithm of the factor of the trunk's mass and inertia",
+        "alpha: the trunk's mass and inertia are multiplied by exp(2 alpha)",
         "-",
         PAPER_TEXT,
         -1.0,
@@ -176,7 +176,7 @@ class PpoConfig:
     final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
     init_std: float = option(0.3, "deviation of the actions at the start", "-", "calm steps; paper: 0.6", 1e-3, 3.0)
     final_std: float = share(
-        0.33, "largest deviation at the end of the run, as a share of init_std", source="calm steps"
+        0.33, "largest deviation at the end of the run, as a share of init_std; 1: no bound", source="calm steps"
     )
 
 

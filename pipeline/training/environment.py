@@ -134,10 +134,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
             return Captured(work, device, captured)
 
         self._targets = (part(self._first_targets), *(part(self._write_targets) for _ in range(DECIMATION - 1)))
-        self._judge = part(self._terminate_and_reward)
-        self._begin = part(lambda: self._begin_episodes(self.reset_buf))
-        self._see = part(self._observe)
-        self._note = part(self._note_velocity)
+        self._evaluate = part(self._terminate_and_reward)
+        self._reset_done = part(lambda: self._begin_episodes(self.reset_buf))
+        self._update_observations = part(self._observe)
+        self._update_velocity = part(self._note_velocity)
 
     @staticmethod
     def _expert_starts(bundle: Bundle, config: Config, device: str, seed: int) -> StartStates:
@@ -199,13 +199,13 @@ class AmpEnvironment(ManagerBasedRlEnv):
                 self._step_between()
             self.scene.update(dt=self.physics_dt)
         self.common_step_counter += 1
-        self._judge()
+        self._evaluate()
         self.sim.reset(self.reset_buf)
-        self._begin()
+        self._reset_done()
         self.sim.forward()
-        self._see()
+        self._update_observations()
         if self.common_step_counter % VELOCITY_STEPS == 0:
-            self._note()
+            self._update_velocity()
         self.robot_state.invalidate()
         self.obs_buf = {name: group.clone() for name, group in self._groups.items()}  # the next step overwrites them
         return self.obs_buf, self.reward_buf, self.reset_terminated, self.reset_time_outs, self.extras

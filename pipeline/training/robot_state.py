@@ -64,11 +64,13 @@ def _sole_corners(model: mujoco.MjModel, shapes: list[str], feet: tuple[str, str
         body = model.site(f"robot/{foot}").bodyid[0]
         boxes = [geom for geom in (model.geom(f"robot/{name}") for name in shapes) if geom.bodyid[0] == body]
         if len(boxes) != 1 or boxes[0].type[0] != mujoco.mjtGeom.mjGEOM_BOX:
-            raise TrainingError(f"the foot of '{foot}' has {len(boxes)} shapes; corners are known of one box.")
+            do = "Give the foot one box in the robot's shapes.csv and write the bundle again."
+            raise TrainingError(f"the foot of '{foot}' has {len(boxes)} shapes; it must have one box. {do}")
         off = model.site(f"robot/{foot}").pos - boxes[0].pos + [0.0, 0.0, boxes[0].size[2]]
         if np.abs(off).max() > SAME_PLACE_M or np.abs(boxes[0].quat - [1.0, 0.0, 0.0, 0.0]).max() > SAME_PLACE_M:
             raise TrainingError(
-                f"the box of '{foot}' is not square above its sole's middle (by {np.abs(off).max():g} m)."
+                f"the box of '{foot}' is not upright above its site, the middle of the sole (off by "
+                f"{np.abs(off).max():g} m). Mend the robot's shapes.csv or sites.csv and write the bundle again."
             )
         length, width, _ = boxes[0].size
         found.append([[x * length, y * width, 0.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])

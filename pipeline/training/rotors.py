@@ -24,10 +24,3 @@ def rotors_on_links(model: mujoco.MjModel, share: float) -> tuple[np.ndarray, np
         inertia[body], iquat[body] = principal, quat
         armature[dof] *= 1.0 - share
     return inertia, iquat, armature
-
-
-def put_rotors_on_links(model: mujoco.MjModel, share: float) -> None:
-    """Change a compiled model accordingly."""
-    model.body_inertia[:], model.body_iquat[:], model.dof_armature[:] = rotors_on_links(model, share)
-    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # so that the axes count in any MuJoCo
-    mujoco.mj_setConst(model, mujoco.MjData(model))

@@ -49,6 +49,9 @@ class Stage(ABC):
         self.rank, self.world = int(os.getenv("RANK", "0")), int(os.getenv("WORLD_SIZE", "1"))
         self.iteration, self.environment_steps = 0, 0
         """Iterations that are done, and control steps of each environment."""
+        self.resumed_at: list[int] = []
+        """Iterations at which an interrupted run was continued."""
+        self._started = time.monotonic()  # building the environment and its kernels counts
 
     @abstractmethod
     def iterate(self, share: float) -> dict[str, float]:
@@ -71,7 +74,7 @@ class Stage(ABC):
         self._resume()
         self.folder.mkdir(parents=True, exist_ok=True)
         curves = CurvesFile(self.folder / CURVES, self.iteration)
-        before, started, first, compiled = curves.seconds, time.monotonic(), self.iteration + 1, 0.0
+        before, first, compiled = curves.seconds, self.iteration + 1, 0.0
         while self.iteration < self._iterations:
             began = time.monotonic()
             figures = self.iterate(self.iteration / self._iterations)
@@ -80,7 +83,7 @@ class Stage(ABC):
             if self.iteration == first:  # the first iteration of a process compiles, and says nothing of the others
                 compiled = now
             pace_s = (now - compiled) / (self.iteration - first) if self.iteration > first else None
-            row = self._row(figures, before + now - started, now - began)
+            row = self._row(figures, before + now - self._started, now - began)
             if self.rank == 0:
                 curves.add(row)
                 print(f"{self._head(row, pace_s)}: {self.line(row)}, {row['steps_per_s']:.0f} steps/s", flush=True)
@@ -90,7 +93,7 @@ class Stage(ABC):
                     self._save(curves)
         if self.rank == 0:
             self._save(curves)
-            self._finish(before + time.monotonic() - started)
+            self._finish(before + time.monotonic() - self._started)
 
     def _row(self, figures: dict[str, float], seconds: float, took: float) -> dict[str, float]:
         steps = self.request.config.simulation.num_envs * STEPS * self._workers
@@ -121,15 +124,22 @@ class Stage(ABC):
                 f"{path}: is of another network or setting and can't be continued ({first}). Give another --out."
             ) from error
         self.iteration, self.environment_steps = int(state["iteration"]), int(state["environment_steps"])
+        self.resumed_at = [*state.get("resumed_at", []), self.iteration]
 
     def _save(self, curves: CurvesFile) -> None:
-        state = self.state()
+        """Raises TrainingError, without a checkpoint, where the network diverged."""
+        state = self.state() | {"resumed_at": self.resumed_at}
+        try:
+            arrays = policy_arrays(state, self.bundle.robot)
+        except TrainingError as error:
+            do = "Repeating the command continues from the checkpoint before."
+            raise TrainingError(f"{self.folder}, iteration {self.iteration}: {error} {do}") from error
         save_checkpoint(self.folder / CHECKPOINTS, self.iteration, state, self.environment_steps)
-        write_policy(self.folder / POLICY, policy_arrays(state, self.bundle.robot))
+        write_policy(self.folder / POLICY, arrays)
         curves.write()
 
     def _finish(self, seconds: float) -> None:
         steps = self.iteration * self.request.config.simulation.num_envs * STEPS * self._workers
-        done = {"iterations": self.iteration, "seconds": seconds, "steps": steps}
-        done["gpu_seconds"] = 0.0 if self.request.device == "cpu" else seconds * self._workers
+        done = {"iterations": self.iteration, "seconds": seconds, "steps": steps, "resumed_at": self.resumed_at}
+        done["gpu_seconds"] = 0.0 if self.request.device == "cpu" else seconds * self.world  # GPUs that wait count
         write_json(self.folder / DONE, {**done, "steps_per_s": steps / max(seconds, 1e-9)})

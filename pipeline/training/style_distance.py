@@ -10,6 +10,7 @@ two halves of its clips.
 """
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -93,27 +94,40 @@ def windows_of(features: np.ndarray, starts: np.ndarray, normalize: FeatureNorma
 def style_distances(
     bundle: Path, policies: Sequence[Path], seeds: Sequence[int]
 ) -> dict[str, dict[float, list[float]]]:
-    """Of each policy at each speed, one a seed; `expert` is that between halves of the clips."""
+    """Of each policy at each speed, one a seed; `expert` is that between halves of the clips.
+
+    NaN, with a line on stderr, where the policy falls or no clip goes so fast.
+    """
     expert = read_bundle(bundle).expert
     features = frame_features(torch.from_numpy(expert.frames))
     normalize, rng = FeatureNormalizer(features, floors(expert.controlled)), np.random.default_rng(0)
     found: dict[str, dict[float, list[float]]] = {name: {} for name in ("expert", *map(str, policies))}
     for speed in SPEEDS:
-        sets = [windows_of(features.numpy(), each, normalize) for each in expert_sets(expert, (speed, 0.0, 0.0), rng)]
+        try:
+            starts = expert_sets(expert, (speed, 0.0, 0.0), rng)
+        except TrainingError as error:
+            print(error, file=sys.stderr)
+            for each in found.values():
+                each[speed] = [math.nan]
+            continue
+        sets = [windows_of(features.numpy(), each, normalize) for each in starts]
         found["expert"][speed] = [energy_distance(sets[1], sets[2])]
         for policy in policies:
             found[str(policy)][speed] = []
             for seed in seeds:
-                walk = Walk(command=(speed, 0.0, 0.0), seed=seed)
-                walked = walked_features(bundle, policy, walk)
-                starts = np.arange(len(walked) - (WINDOW - 1) * STRIDE)
-                distance = energy_distance(windows_of(walked, starts, normalize), sets[0])
+                walk, distance = Walk(command=(speed, 0.0, 0.0), seed=seed), math.nan
+                try:
+                    walked = walked_features(bundle, policy, walk)
+                    first = np.arange(len(walked) - (WINDOW - 1) * STRIDE)
+                    distance = energy_distance(windows_of(walked, first, normalize), sets[0])
+                except TrainingError as error:
+                    print(error, file=sys.stderr)
                 found[str(policy)][speed].append(distance)
     return found
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print a row a policy; exit status 2 for what can't be read or falls."""
+    """Print a row a policy, `nan` where it falls; exit status 2 for what can't be read."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.training.style_distance")
     parser.add_argument("policies", type=Path, nargs="+")
     parser.add_argument("--bundle", type=Path, required=True)

@@ -1,4 +1,4 @@
-"""The last stage of the chain: a checkpoint is chosen, judged in MuJoCo and DART, and gets a card. It needs no GPU.
+"""The last stage of the chain: a checkpoint is chosen, evaluated in MuJoCo and DART, and gets a card. It needs no GPU.
 
 <folder>/checkpoints/model_000100.npz   the last checkpoints as policies
 <folder>/sweep.json      figures of each on development trials, and the chosen iteration
@@ -75,7 +75,7 @@ class ValidationStage:
         """Do what is missing of the stage. Raises TrainingError where the bundle was written again meanwhile."""
         began = time.monotonic()
         if read_head(self.bundle.folder, SCHEMA)[1] != self.bundle.digest:
-            problem = "was written again while this run trained from it, so the policy can't be judged by it."
+            problem = "was written again while this run trained from it, so the policy can't be evaluated with it."
             raise TrainingError(f"{self.bundle.folder}: {problem} Put it back and repeat the command, or train again.")
         sweep = self._file(SWEEP, self._sweep)
         chosen = self.folder / CHECKPOINTS / f"model_{sweep['iteration']:06d}.npz"

@@ -234,7 +234,8 @@ def test_the_command_exports_a_run(tmp_path, robot, capsys):
     network_file(run / "policy.npz", robot)
     about = {"database_digest": "d1", "licence": FREE["licence"], "clips": 4, "seconds": 9.5}
     (run / "config.json").write_text(json.dumps({"preset": "paper", "seed": 3, "bundle": about}))
-    (run / "done.json").write_text(json.dumps({"iterations": 300, "seconds": 1200.0}))
+    stages = {"distillation": {"resumed_at": []}, "amp": {"resumed_at": [100, 200]}}
+    (run / "done.json").write_text(json.dumps({"iterations": 300, "seconds": 1200.0, "stages": stages}))
     (run / "curves.csv").write_text("iteration\n1\n")
     command = [str(run), "--name", "walk", "--out", str(out), "--shippable", "--commit", "abc"]
     assert main(command) == 0
@@ -242,6 +243,7 @@ def test_the_command_exports_a_run(tmp_path, robot, capsys):
     assert (card.run["name"], card.run["iterations"], card.run["commit"]) == ("run7", 300, "abc")
     assert (card.data["digest"], card.data["clips"]) == ("d1", 4)
     assert "curves.csv" in card.files
+    assert "| 300 iterations, 1200.0 s; continued: amp at 100, 200 |" in (out / "CARD.md").read_text()
     (run / "validation").mkdir()
     measured = {"policy": card.digest, "figures": {"required cells": 97.0}}
     (run / "validation" / "figures.json").write_text(json.dumps(measured))

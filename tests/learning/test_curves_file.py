@@ -1,8 +1,11 @@
-"""`curves.csv` of a resumed run: rows before the checkpoint stay, and a new column is `nan` in them."""
+"""`curves.csv`: of a resumed run the rows before the checkpoint stay, `nan` in a new column; a full disk."""
 
 from pathlib import Path
 
+import pytest
+
 from pipeline.learning.curves_file import CurvesFile
+from pipeline.learning.training_error import TrainingError
 
 
 def test_a_resumed_run_keeps_the_rows_before_its_checkpoint(tmp_path: Path):
@@ -21,3 +24,14 @@ def test_a_resumed_run_keeps_the_rows_before_its_checkpoint(tmp_path: Path):
     rows = ["1,0.5,0.33333,nan", "2,1,0.33333,nan", "3,1.75,0.25,2"]
     assert path.read_text().splitlines() == ["iteration,seconds,loss,falls", *rows]
     assert [each.name for each in tmp_path.iterdir()] == ["curves.csv"]
+
+
+def test_a_full_disk_gets_one_sentence(tmp_path: Path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    curves = CurvesFile(tmp_path / "curves.csv", 0)
+    curves.add({"iteration": 1, "seconds": 1.0})
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(TrainingError, match=r"curves\.csv: could not be written \(No space left on device\)"):
+        curves.write()

@@ -41,14 +41,17 @@ def test_figures_of_a_run_are_those_of_its_validation(tmp_path):
     (tmp_path / "validation").mkdir()
     found = as_json({"speed error": 0.04, "accuracy": math.nan})
     (tmp_path / "validation" / "figures.json").write_text(json.dumps({"figures": found}, allow_nan=False))
+    (tmp_path / "done.json").write_text('{"seconds": 90.0}')
     figures = figures_of(tmp_path, None)
-    assert figures == pytest.approx({"speed error": 0.04, "accuracy": math.nan}, nan_ok=True)
+    expected = {"speed error": 0.04, "accuracy": math.nan, "minutes of training": 1.5}
+    assert figures == pytest.approx(expected, nan_ok=True)
 
 
 def test_style_is_measured_from_one_bundle_for_all_arms(tmp_path, root, robot):
     (tmp_path / "validation").mkdir()
     found = {"style distance at 1.0 m/s": 0.0, "speed error": 0.04}
     (tmp_path / "validation" / "figures.json").write_text(json.dumps({"figures": found}))
+    (tmp_path / "done.json").write_text('{"seconds": 90.0}')
     shutil.copy(root / SHIPPED, tmp_path / "policy.npz")
     common = small_bundle(tmp_path / "common", root, robot)
     figures = figures_of(tmp_path, common)

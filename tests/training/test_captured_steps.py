@@ -25,7 +25,7 @@ from tests.factories.training_bundle import small_bundle
 ENVS = 6
 WAITS = ("nonzero", "_local_scalar_dense", "masked_select", "unique", "is_nonzero")
 """Calls whose result's size or value must be known before the next call."""
-PARTS = ("_judge", "_begin", "_see", "_note")
+PARTS = ("_evaluate", "_reset_done", "_update_observations", "_update_velocity")
 
 
 class Calls(TorchDispatchMode):

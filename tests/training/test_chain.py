@@ -7,6 +7,7 @@ import json
 import shutil
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 import torch
@@ -14,6 +15,7 @@ import torch
 from pipeline.deployment import load_policy
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.learning.policy_file import Network
+from pipeline.learning.run_command import PACKAGES
 from pipeline.training import chain, runner
 from pipeline.training.__main__ import main
 from pipeline.training.amp.algorithm import ramp
@@ -59,6 +61,7 @@ def test_both_stages_make_a_policy(run, folder, tmp_path):
     assert (config["preset"], config["seed"], config["device"]) == ("recipe", 1, "cpu")
     assert config["changed"] == SIZES
     assert config["bundle"]["database_digest"]
+    assert config["versions"]["mujoco"] == mujoco.__version__ and set(PACKAGES) < set(config["versions"])
     rows = rows_of(run / "curves.csv")
     assert [row["iteration"] for row in rows] == ["1", "2"]
     assert all(float(row[name]) == float(row[name]) for row in rows for name in ("task_reward", "d_expert", "accuracy"))
@@ -121,7 +124,29 @@ def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, m
     assert [row["iteration"] for row in rows] == ["1", "2"]
     assert float(rows[0]["seconds"]) < float(rows[1]["seconds"])
     assert (tmp_path / "policy.npz").read_bytes() == (tmp_path / killed / "policy.npz").read_bytes()
+    assert json.loads((tmp_path / "done.json").read_text())["stages"][killed]["resumed_at"] == [1]
     assert (tmp_path / "amp").exists() == ("amp" in stages) and not (tmp_path / "export").exists()
+
+
+def test_a_diverged_network_makes_no_checkpoint_and_the_run_goes_on_before_it(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("pipeline.training.stage.SAVE_EVERY", 1)
+    iterate = chain.AmpStage.iterate
+
+    def diverges(stage, share):
+        figures = iterate(stage, share)
+        if stage.iteration == 1:
+            with torch.no_grad():
+                stage.algorithm.get_policy().mlp[0].weight[0, 0] = torch.nan
+        return figures
+
+    monkeypatch.setattr(chain.AmpStage, "iterate", diverges)
+    assert main(command(folder, tmp_path, *BOTH)) == 2
+    error = capsys.readouterr().err
+    assert f"{tmp_path / 'amp'}, iteration 2: the network has a weight of nan" in error and "Repeating" in error
+    assert newest_checkpoint(tmp_path / "amp" / "checkpoints") == tmp_path / "amp/checkpoints/model_000001.pt"
+    monkeypatch.setattr(chain.AmpStage, "iterate", iterate)
+    assert main(command(folder, tmp_path, *BOTH)) == 0
+    assert json.loads((tmp_path / "amp" / "done.json").read_text())["iterations"] == 2
 
 
 def test_a_folder_of_another_run_is_refused(run, folder, tmp_path, capsys):
@@ -151,7 +176,9 @@ def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, c
 
 def test_from_scratch_no_stage_distils(folder, tmp_path, capsys):
     assert main(command(folder, tmp_path, distillation__iterations=0)) == 2
-    assert "on a CPU only distillation is trained, and distillation.iterations is 0" in capsys.readouterr().err
+    assert "nothing is left to train: distillation.iterations is 0" in capsys.readouterr().err
+    assert main(command(folder, tmp_path, "amp")) == 2
+    assert "AMP + PPO begins with the distilled network. Name that stage too" in capsys.readouterr().err
     assert main(command(folder, tmp_path, *BOTH, distillation__iterations=0)) == 0
     assert not (tmp_path / "distillation").exists()
 
@@ -159,7 +186,7 @@ def test_from_scratch_no_stage_distils(folder, tmp_path, capsys):
 def test_a_bundle_without_a_tracker_is_refused_with_what_to_do(tmp_path, root, robot, capsys):
     bare = small_bundle(tmp_path / "bare", root, robot)
     assert main(command(bare, tmp_path / "out")) == 2
-    assert "the bundle has no tracker to distil from" in capsys.readouterr().err
+    assert f"{bare}: the bundle has no tracker to distil from" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -106,8 +106,7 @@ def test_some_environments_have_a_share_of_the_rotors_on_links(sloped):
         assert fields.dof_armature[at].tolist() == pytest.approx(armature.tolist(), abs=1e-6)
         for body in np.unique(model.jnt_bodyid[1:]):
             given = moment(fields.body_inertia[at][body].numpy(), fields.body_iquat[at][body].numpy())
-            if body != 1 + int(sloped.scene["robot"].indexing.root_body_id):  # the trunk's mass is random too
-                assert given == pytest.approx(moment(inertia[body], iquat[body]), abs=2e-6)
+            assert given == pytest.approx(moment(inertia[body], iquat[body]), abs=2e-6)
         shares.add(round(share * (ROTOR_LEVELS - 1), 3))
     assert shares <= {float(level) for level in range(ROTOR_LEVELS)}
     assert 0.0 in shares and len(shares) > 1

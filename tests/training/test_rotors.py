@@ -10,8 +10,15 @@ import pytest
 
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant, put_armature_on_links
 from pipeline.training.plain_walk import model_of
-from pipeline.training.rotors import put_rotors_on_links
+from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
+
+
+def put_rotors_on_links(model: mujoco.MjModel, share: float) -> None:
+    """Change a compiled model accordingly."""
+    model.body_inertia[:], model.body_iquat[:], model.dof_armature[:] = rotors_on_links(model, share)
+    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # so that the axes count in any MuJoCo
+    mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def _accelerations(model: mujoco.MjModel, seed: int) -> np.ndarray:

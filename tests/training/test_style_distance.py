@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import torch
 
 from pipeline.errors import FileError
 from pipeline.learning.training_error import TrainingError
+from pipeline.training import style_distance
 from pipeline.training.amp.features import FeatureNormalizer, floors
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.plain_walk import Walk, walked
+from pipeline.training.policy_figures import style_figures
 from pipeline.training.style_distance import energy_distance, expert_sets, walked_features, windows_of
 from tests.factories.training_bundle import small_bundle
 
@@ -63,6 +67,27 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
     assert np.abs(windows).max() <= 10.0
     with pytest.raises(TrainingError, match="falls at the command"):
         walked_features(bundle, policy, Walk(command=(9.0, 0.0, 0.0)))
+
+
+def test_a_fall_or_a_missing_speed_leaves_the_other_speeds_their_figures(tmp_path, root, robot, monkeypatch, capsys):
+    bundle, policy = small_bundle(tmp_path, root, robot), tmp_path / "policy.npz"
+
+    def walked(bundle, policy, walk):
+        if walk.command[0] == 1.0:
+            raise TrainingError(f"{policy}: falls")
+        return np.zeros((300, 60), dtype=np.float32)
+
+    def sets(expert, command, rng):
+        if command[0] == 1.5:
+            raise TrainingError("no frame near the command")
+        return (np.arange(20),) * 3
+
+    monkeypatch.setattr(style_distance, "walked_features", walked)
+    monkeypatch.setattr(style_distance, "expert_sets", sets)
+    figures = style_figures(bundle, policy)
+    assert [math.isnan(value) for value in figures.values()] == [False, True, True]
+    told = capsys.readouterr().err
+    assert told.count("falls") == 3 and told.count("no frame near") == 1, "each seed's walk, and the speed once"
 
 
 def test_what_is_no_policy_is_refused_by_name(tmp_path, root, robot):

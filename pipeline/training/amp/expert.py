@@ -38,8 +38,8 @@ def drawn_by_command(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Commands as the policy gets them, each with an expert frame, drawn by weight from the nearest cell with frames.
 
-    A share `own` is kept: commands to stand, and in place of those that move frames drawn by weight alone with their
-    own command. So standing stays as frequent, though few clips stand.
+    In a share `own` of them, a moving command is replaced by a frame drawn by its weight alone and that frame's
+    velocity; a command to stand stays. So standing stays as frequent, though few clips stand.
 
     Args:
         command: of each frame (t, 3) [m/s, m/s, rad/s]

@@ -1,8 +1,8 @@
 """The tracker as the teacher: the clip that each robot follows, and the action that the tracker would take.
 
 The command that the student observes is the velocity that the tracker's own rollout of the clip has at that frame
-(`References.command`). The clip follows the robot: every few steps its frame becomes the nearest of three, and what the
-robot is off the clip's path by more than a bound is forgotten, so that the tracker neither chases nor waits.
+(`References.command`). The clip follows the robot: every few steps its frame becomes the nearest of three, and the clip
+is moved with the robot where it is off by more than a bound, so that the tracker neither chases nor waits.
 """
 
 import itertools

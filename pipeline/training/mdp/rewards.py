@@ -169,7 +169,7 @@ def feet_lateral_distance(env, apart: float) -> torch.Tensor:
 
 
 def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
-    """All terms, forces and distances scaled to the robot; those of weight 0 are left out."""
+    """All terms but those of weight 0. Forces and distances are scaled to the robot; weights are the same for all."""
     force = {"soft": FORCE_SOFT * robot.weight_ratio, "span": FORCE_SPAN * robot.weight_ratio}
     apart = {"apart": FEET_APART * robot.leg_ratio}
     slow = {"slow": SLOW_M_S * math.sqrt(robot.leg_ratio)}
