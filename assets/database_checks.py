@@ -18,7 +18,7 @@ from assets.report import check_result, table_of
 from assets.tracker_choice import tracker_file
 from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Manifest, Stage
-from pipeline.errors import FileError
+from pipeline.errors import FileError, PipelineError
 from pipeline.expert import DatabaseError, check_database
 from pipeline.expert.read import Contents
 from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_against_rollouts
@@ -37,14 +37,21 @@ OTHER_SEED = 1000
 """Added to the seed of `data/tracking.yaml`: the same kind of disturbances, drawn again."""
 
 
+class NoTrackerError(PipelineError):
+    """A robot without a tracker: its database is made of references."""
+
+
 def realizability_check(
     plan: Plan, feasible: Manifest, pool: Any, log: logging.Logger
 ) -> tuple[dg.AssetCheckResult, float | None]:
-    """The check's result, and the accuracy; None where the database has too few motions to hold some out."""
+    """The check's result, and the accuracy; None where it is not measured: too few motions to hold some out, no
+    tracker, or, with a warning, a file that can't be read."""
     try:
         accuracy = measured(plan.robot or DEFAULT_ROBOT, feasible, pool, log)
-    except (TooFewMotionsError, FileError) as error:
+    except (TooFewMotionsError, NoTrackerError) as error:
         return check_result(plan, REALIZABLE, True, f"not measured: {error}"), None
+    except FileError as error:
+        return check_result(plan, REALIZABLE, False, f"not measured: {error}"), None
     found = f"held-out accuracy {accuracy:.2f}; 0.5 is chance, a warning above {WARN_ABOVE:g}"
     return check_result(plan, REALIZABLE, accuracy <= WARN_ABOVE, found), accuracy
 
@@ -56,7 +63,7 @@ def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, s
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
     found = tracker_file(PROJECT, PROJECT.store.load(plans["tracking_policy"].key.to_user_string()))
     if found is None:
-        raise FileError(PROJECT.shipped_policies(robot_name) / "tracker", f"there is no tracker of '{robot_name}'.")
+        raise NoTrackerError(f"there is no tracker of '{robot_name}'.")
     tracker, content = found
     values = PROJECT.read("tracking.yaml", TrackingSettings)
     other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed)

@@ -49,6 +49,7 @@ class IngestedLogs:
 def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: logging.Logger) -> IngestedLogs:
     """The manifest of trials of `data/hardware_logs`. One log never stops the others."""
     folder = project.hardware_logs
+    shutil.rmtree(project.store.root / "ingest", ignore_errors=True)  # what a killed run left
     files, waiting = complete_logs(folder, project.log_digests)
     files, copies = without_copies(files, _names_before(project, plan))
     robots = {robot: digest_of_robot(project, robot) for robot in project.robots}

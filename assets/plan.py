@@ -100,7 +100,7 @@ SHARED = (
         ("catalog", "readers", "hardware_logs"),
         ("catalog.yaml", "sources.yaml", "hardware_logs.yaml"),
     ),
-    Plan("selected_motions", SELECTION, ("selection",), ("curation.yaml",)),
+    Plan("selected_motions", SELECTION, ("selection", "feedback"), ("curation.yaml",)),
     Plan("repaired_motions", REPAIR, ("repair",), ("repair.yaml",)),
 )
 """The stages that are the same for every robot."""
@@ -154,13 +154,18 @@ _BARS: dict[str, Any] = {"robot_settings_files": ("validation.yaml",)}
 _OF_ROBOT = (
     Plan("robot_model", ROBOT, ("robot",)),
     Plan("actuator_calibration", ROBOT, ("actuators",), ("actuators.yaml",)),
-    Plan("adapted_robot", ROBOT, ("actuators",), ("actuators.yaml",)),
+    Plan("adapted_robot", ROBOT, ("actuators", "feedback"), ("actuators.yaml",)),
     Plan("retargeted_motions", RETARGETING, ("retarget", "scoring"), ("retarget.yaml",)),
-    Plan("motion_variants", AUGMENTATION, ("augment",), ("augment.yaml",)),
+    Plan("motion_variants", AUGMENTATION, ("augment", "feedback"), ("augment.yaml",)),
     Plan("reference_motions", FEASIBILITY, ("feasibility",), ("feasibility.yaml",)),
     Plan("tracking_policy", AUGMENTATION, ("tracking", "learning"), shipped_policies=True),
     Plan("augmented_motions", AUGMENTATION, ("tracking", "actuators", "deployment"), ("tracking.yaml",)),
-    Plan("feasible_motions", FEASIBILITY, ("feasibility",), ("feasibility.yaml", "commands.yaml", "curation.yaml")),
+    Plan(
+        "feasible_motions",
+        FEASIBILITY,
+        ("feasibility", "feedback"),
+        ("feasibility.yaml", "commands.yaml", "curation.yaml"),
+    ),
     Plan("expert_db", DATABASE, ("expert", "tracking")),
     *(Plan(name, DATABASE, ("dataset_export",)) for name in EXPORTS.values()),
     Plan(

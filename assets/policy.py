@@ -3,7 +3,7 @@
 `evaluated_policy` is the policy that a validation evaluates: the exported one, or an npz given by path.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +168,14 @@ def evaluated_policy(
     return deployed(PROJECT.adapted_robot(robot), policy), bars
 
 
-def remove_earlier_logs(folder: Path, logs: Sequence[Path]) -> None:
-    """Remove the logs of an earlier verdict: feedback would learn from a cell that passes now."""
+def remove_earlier_logs(folder: Path, logs: Sequence[Path], tried: Collection[Path] | None = None) -> None:
+    """Remove the logs of an earlier verdict: feedback would learn from a cell that passes now.
+
+    Args:
+        folder: where logs are
+        logs: those of this verdict
+        tried: logs that its cells would have if they failed; others stay. None: all cells were tried
+    """
     for old in set(folder.glob("*.mcap")) - set(logs):
-        old.unlink()
+        if tried is None or old in tried:
+            old.unlink()

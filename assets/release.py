@@ -211,7 +211,8 @@ def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
         clip = walked.clip(f"{speed:g} m/s")
         start_s = max((len(clip.joint_pos) - 1) / clip.fps - 2.0, 0.0)
         name = f"{speed:g} m/s, last 1.5 s"
-        last = Shown(name=name, robot_clip=walked.clip(name, start_s=start_s + 0.5))
+        ends_s = (len(clip.joint_pos) - 1) / clip.fps
+        last = Shown(name=name, robot_clip=walked.clip(name, start_s=min(start_s + 0.5, ends_s)))
         sheet = contact_sheet([last], one.robot, dots_per_m=LARGE)
         caption = f"forward {speed:g} m/s in MuJoCo, {ended}"
         pictures.append(Picture(caption=caption, data=walk_gif(clip, one.robot, start_s), kind="gif"))

@@ -1,5 +1,6 @@
 """The external asset `raw_motions`: the source folders, versioned by content."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,9 +47,10 @@ class Motions:
         for source in self.sources.all:
             paths = self.paths[source.name]
             stems = [path.relative_to(source.folder).with_suffix("").as_posix() for path in paths]
+            count = Counter(stems)
             for path, stem in zip(paths, stems, strict=True):
                 within = path.relative_to(source.folder).as_posix()
-                name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
+                name = f"{source.name}/{stem if count[stem] == 1 else within}"
                 files.append((name, path, content_digest(path, source), (source, within)))
         return files
 

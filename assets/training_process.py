@@ -23,7 +23,7 @@ from assets.plan import SHARED, Plan
 from assets.report import picture, table_of
 from pipeline.errors import PipelineError
 from pipeline.files import digest
-from pipeline.learning.run_command import started_module
+from pipeline.learning.run_command import commit_of, started_module
 from pipeline.training.config import DEFAULT, preset
 
 PROGRESS = ("iteration ", "validation: ")
@@ -155,6 +155,11 @@ def train(run: Run, root: Path, lock: Path, log: Any) -> None:
     """Train until the run is done; nothing where it is. Raises TrainingFailedError."""
     if run.done:
         log.info(f"{run.folder.name} is done already: nothing is trained")
+        trained, now = stated_commit(run.folder), commit_of(Path(__file__).parent)
+        if now not in trained:
+            log.warning(
+                f"it was trained at commit {trained}, the code is at {now}. To train again, remove {run.folder}"
+            )
         return
     run.folder.mkdir(parents=True, exist_ok=True)
     with _alone(lock, log) as held:
@@ -162,6 +167,12 @@ def train(run: Run, root: Path, lock: Path, log: Any) -> None:
         _follow([sys.executable, *run.command], root, held, log)
     if not run.done:
         raise TrainingFailedError(f"{run.folder}: training ended without done.json. Materialize again to continue it.")
+
+
+def stated_commit(folder: Path) -> str:
+    """The commits of a run, as its `config.json` states them; empty where it states none."""
+    path = folder / "config.json"
+    return str(json.loads(path.read_text()).get("commit", "")) if path.is_file() else ""
 
 
 def _follow(command: list[str], root: Path, held: IO[str], log: Any) -> None:

@@ -18,7 +18,7 @@ from pipeline.deployment import digest
 from pipeline.files.shown_text import markdown_list
 from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot.load import read_description
-from pipeline.validation.failed_trials import write_failed_trials
+from pipeline.validation.failed_trials import log_path, write_failed_trials
 from pipeline.validation.figures import measure
 from pipeline.validation.suites import cells_of, named
 from pipeline.validation.verdict import judge, table
@@ -55,11 +55,13 @@ def mujoco_validation(
     """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
     robot = plan.robot or DEFAULT_ROBOT
     one, bars = evaluated_policy(config, exported_policy, robot)
-    measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
+    cells = cells_of(config.suite, one.robot)
+    measured = measure(one, cells, clip_pool.pool())
     verdict = judge(measured, bars, suite=config.suite, policy=digest(one.policy), robot=one.robot.digest)
     folder = PROJECT.simulated_failures(robot, "mujoco")
     logs = write_failed_trials(one, verdict, folder)
-    remove_earlier_logs(folder, logs)
+    tried = None if config.suite == "full" else {log_path(folder, cell.name) for cell in cells}
+    remove_earlier_logs(folder, logs, tried)
     context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
     not_run = [] if config.suite == "full" else ["the full suite: only the quick one was run"]
     record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": not_run}

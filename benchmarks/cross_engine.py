@@ -54,9 +54,9 @@ def main() -> int:
     parser.add_argument("--cells", action="store_true")
     parsed = parser.parse_args()
     values = settings_files.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
-    rules = read_validation(ROOT / "data/validation.yaml", ROOT / "robots/t1/validation.yaml")
     pool = ClipPool(workers=parsed.jobs)
     good = deployed(parsed.robot, load_policy(parsed.policy))
+    rules = read_validation(ROOT / "data/validation.yaml", ROOT / "robots" / good.robot.name / "validation.yaml")
     if parsed.policy == PUBLISHED:
         good = with_ankle_kd(good, ANKLE_KD)
     found = cross_engine(good, with_seeds(values, parsed.seeds), rules, pool=pool)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import sys
 from collections import defaultdict
 from pathlib import Path
@@ -74,7 +75,8 @@ def main() -> int:
     bars.append(Bar(name="found with the right kind, all", value=_percent(every), unit="%", sense=">=", bound=FOUND))
     false = 100.0 - _percent(sound)
     bars.append(Bar(name=f"false alarms, {len(sound)} sound", value=false, unit="%", sense="<=", bound=FALSE))
-    bars.append(Bar(name="knee limit, worst error", value=max(knees), unit="%", sense="<=", bound=KNEE_WITHIN))
+    worst = max(knees, default=math.nan)
+    bars.append(Bar(name="knee limit, worst error", value=worst, unit="%", sense="<=", bound=KNEE_WITHIN))
     return 0 if report([*bars, *model_bars(one, actuators)], machine=machine(), json=arguments.json) else 1
 
 

@@ -136,7 +136,7 @@ def _near(name: str, difference: float, bound: float) -> Bar:
 
 def fault_bars(good: Deployed, pool: ClipPool) -> list[Bar]:
     """Required cells of the quick suite that each fault fails; none of the policy as it is."""
-    bounds = read_validation(ROOT / "data/validation.yaml", ROOT / "robots/t1/validation.yaml")
+    bounds = read_validation(ROOT / "data/validation.yaml", ROOT / "robots" / good.robot.name / "validation.yaml")
     cells = cells_of(QUICK, good.robot)
 
     def failed(one: Deployed) -> list[str]:

@@ -51,7 +51,7 @@ def validate_policy(args: Validate) -> int:
         write_json(args.json, {**verdict.to_dict(), "gains": one.gains()})
     if args.failures:
         logs = write_failed_trials(one, verdict, args.failures)
-        gone = remove_earlier(args.failures, one, logs)
+        gone = remove_earlier(args.failures, one, logs, cells)
         for path in logs:
             print(f"written: {path}")
         for path in gone:

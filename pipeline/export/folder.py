@@ -133,7 +133,7 @@ def export_policy(
         compact: leave out the derived files once they are verified
 
     Raises ExportError if the licence of its data forbids shipping and `shippable` is set, if the policy has no gains,
-    and if an exported file does not reproduce the network's actions.
+    if `folder` holds anything but an export, and if an exported file does not reproduce the network's actions.
     """
     allowed, why = shipping(source.data)
     if shippable and not allowed:
@@ -141,6 +141,8 @@ def export_policy(
         raise ExportError(f"policy '{name}' can't be marked shippable: {why} {known}")
     policy = load_policy(source.policy)
     task = trained_task(robot, policy)
+    booster_deploy.vendor_robot(task.robot)  # refused before an earlier export is removed
+    _check_out(folder)
     _clear(folder)
     atomic.write_bytes(folder / POLICY, source.policy.read_bytes())
     golden = golden_vectors(robot, task, policy)
@@ -188,6 +190,8 @@ def complete_export(folder: Path, out: Path, robot: Robot, rng: np.random.Genera
         raise ExportError(f"{folder} can't be completed in place; name another output folder.")
     export = read_export(folder, robot)
     golden = read_golden(folder / GOLDEN)
+    booster_deploy.vendor_robot(export.task.robot)
+    _check_out(out)
     _clear(out)
     for name in (POLICY, GOLDEN, CURVES):
         if (folder / name).is_file():
@@ -224,6 +228,21 @@ def read_export(folder: Path, robot: Robot) -> Export:
     return Export(folder=folder, card=found, policy=policy, task=trained_task(robot, policy))
 
 
+def _check_out(folder: Path) -> None:
+    """Raise ExportError for a folder without a card that holds anything but files of an interrupted export."""
+    if not folder.is_dir() or (folder / card.FILE).is_file():
+        return
+    ours = {POLICY, ONNX, GOLDEN, CURVES, card.PAGE, f"{DEPLOY}/README.md"}
+    task = f"{DEPLOY}/{booster_deploy.FOLDER.as_posix()}/"
+    found = [path.relative_to(folder).as_posix() for path in sorted(folder.rglob("*")) if path.is_file()]
+    strange = [name for name in found if name not in ours and not name.startswith(task)]
+    if strange:
+        raise ExportError(
+            f"{folder} holds other files ({strange[0]}) and no earlier export, which would be replaced. Name an empty "
+            "folder."
+        )
+
+
 def _clear(folder: Path) -> None:
     """Remove an earlier export, the card first: a folder with a card is complete at any moment."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -234,7 +253,11 @@ def _clear(folder: Path) -> None:
 
 def _remove_derived(folder: Path) -> None:
     (folder / ONNX).unlink(missing_ok=True)
-    shutil.rmtree(folder / DEPLOY, ignore_errors=True)
+    (folder / DEPLOY / "README.md").unlink(missing_ok=True)
+    shutil.rmtree(folder / DEPLOY / booster_deploy.FOLDER, ignore_errors=True)
+    for empty in (folder / DEPLOY / booster_deploy.FOLDER.parent, folder / DEPLOY):
+        if empty.is_dir() and not any(empty.iterdir()):
+            empty.rmdir()
 
 
 def _write_derived(

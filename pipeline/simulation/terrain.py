@@ -19,6 +19,8 @@ FAR_M = 30.0
 """What counts as without end [m]."""
 DEPTH_M = 1.0
 """Thickness of boxes that are ground [m]."""
+BESIDE_M = 0.005
+"""How far the plane at the sides of hills lies below their lowest point, so that no sole touches both [m]."""
 
 
 @runtime_checkable
@@ -152,7 +154,7 @@ class Tiles:
 
 @dataclass(frozen=True, kw_only=True)
 class RoughGround:
-    """A height field between flat ends, walked along x."""
+    """A height field between flat ends, walked along x, with a plane at its sides."""
 
     spacing_m: float
     """Between two points of the grid."""
@@ -162,6 +164,7 @@ class RoughGround:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         rows, columns = self.z_m.shape
         low, high = float(self.z_m.min()), float(self.z_m.max())
+        _plane(spec, low - BESIDE_M)
         half_x, half_y = (columns - 1) * self.spacing_m / 2.0, (rows - 1) * self.spacing_m / 2.0
         spec.add_hfield(
             name="rough",
@@ -181,8 +184,9 @@ class RoughGround:
         across, along = y / self.spacing_m + (rows - 1) / 2.0, (x - START_M) / self.spacing_m
         if not (0.0 <= along <= columns - 1):
             return 0.0
-        row = int(np.clip(round(across), 0, rows - 1))
-        return float(self.z_m[row, round(along)])
+        if not (0.0 <= across <= rows - 1):
+            return float(self.z_m.min()) - BESIDE_M
+        return float(self.z_m[round(across), round(along)])
 
 
 LENGTH_M, WIDTH_M = 9.0, 3.0

@@ -143,13 +143,14 @@ def refuse_foreign(folder: Path, cells: Iterable[Cell], one: Deployed) -> None:
             raise FileError(path, problem, "Name another folder for the logs of what fails.")
 
 
-def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path]) -> tuple[Path, ...]:
+def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path], tried: Iterable[Cell]) -> tuple[Path, ...]:
     """Remove the logs of earlier verdicts on this policy and robot, except `kept`; return the removed paths.
 
-    Otherwise feedback would keep learning from cells that pass now. Files whose metadata does not identify them as such
-    a log are kept.
+    Otherwise feedback would keep learning from cells that pass now. Logs of cells that were not tried stay, and so do
+    files whose metadata does not identify them as such a log.
     """
-    gone = [path for path in sorted(set(folder.glob("*.mcap")) - set(kept)) if _is_of(path, one)]
+    paths = sorted({log_path(folder, cell.name) for cell in tried} - set(kept))
+    gone = [path for path in paths if path.is_file() and _is_of(path, one)]
     for path in gone:
         path.unlink()
     return tuple(gone)

@@ -92,9 +92,10 @@ def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Num
 def at_envelope(
     torque: Float[np.ndarray, "n j"], speed: Float[np.ndarray, "n j"], envelope: TorqueEnvelope
 ) -> Bool[np.ndarray, "n j"]:
-    """Samples at which a joint's torque is at its limit for that speed."""
+    """Samples at which a joint's torque is at its limit for that speed; beyond the no-load speed both limits brake."""
     lower, upper = envelope.bounds(speed)
-    return (torque >= SATURATED * np.abs(upper)) | (torque <= -SATURATED * np.abs(lower))
+    rest = 1.0 - SATURATED
+    return (torque >= upper - rest * np.abs(upper)) | (torque <= lower + rest * np.abs(lower))
 
 
 def most_saturated(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> str:

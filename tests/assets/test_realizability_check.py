@@ -1,6 +1,7 @@
 """The check of `expert_db` warns where a classifier tells the database from the simulation."""
 
 import logging
+from pathlib import Path
 
 import dagster as dg
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from assets import database_checks
 from assets.plan import robot_plans
 from pipeline.batch import Manifest
+from pipeline.errors import FileError
 from pipeline.expert.realizability import TooFewMotionsError
 
 PLAN = robot_plans("t1")["expert_db"]
@@ -24,11 +26,19 @@ def test_an_accuracy_above_three_quarters_is_a_warning(monkeypatch, accuracy: fl
     assert (result.asset_key, result.check_name) in declared
 
 
-def test_a_database_that_cannot_be_measured_says_so(monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "passed"),
+    [
+        (TooFewMotionsError("3 families have motions and rollouts; at least 4 are needed."), True),
+        (database_checks.NoTrackerError("there is no tracker of 't1'."), True),
+        (FileError(Path("tracker.npz"), "is damaged.", "Train it again."), False),
+    ],
+)
+def test_a_database_that_cannot_be_measured_says_so(monkeypatch, error: Exception, passed: bool):
     def measured(*asked):
-        raise TooFewMotionsError("3 families have motions and rollouts; at least 4 are needed.")
+        raise error
 
     monkeypatch.setattr(database_checks, "measured", measured)
     result, found = database_checks.realizability_check(PLAN, CLIPS, None, logging.getLogger())
-    assert result.passed and found is None
-    assert str(result.metadata["found"].value).startswith("not measured: 3 families")
+    assert result.passed == passed and found is None
+    assert str(result.metadata["found"].value) == f"not measured: {error}"

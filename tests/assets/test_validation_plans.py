@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from assets.plan import FIELD, Plan, robot_plans
+from assets.plan import FIELD, SHARED, Plan, robot_plans
 from pipeline.batch.code_version import BELOW_ALL_STAGES
 
 PLANS = {plan.name: plan for plan in (*FIELD, *robot_plans("t1").values())}
@@ -41,3 +41,10 @@ def packages_below(pipeline: Path, modules: tuple[str, ...]) -> set[str]:
 def test_a_plan_names_every_package_that_its_verdict_comes_from(root: Path, name: str):
     plan: Plan = PLANS[name]
     assert packages_below(root / "pipeline", RUN_BY[name]) - {*plan.packages, *BELOW_ALL_STAGES} == set()
+
+
+@pytest.mark.parametrize("name", ["selected_motions", "adapted_robot", "motion_variants", "feasible_motions"])
+def test_what_approved_changes_decide_is_stale_when_their_code_changes(name: str):
+    """Windows, motor limits, variants and weights come from `pipeline/feedback`; no other asset stands for it."""
+    plans = {plan.name: plan for plan in SHARED} | PLANS
+    assert "feedback" in plans[name].packages

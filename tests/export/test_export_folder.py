@@ -10,6 +10,7 @@ import pytest
 from pipeline.deployment import PolicyController, Reading, digest, load_policy, save_policy
 from pipeline.errors import FileError, SettingsError, UnknownNameError
 from pipeline.expert.licence import LicenceClass
+from pipeline.export import booster_deploy
 from pipeline.export.__main__ import main
 from pipeline.export.booster_deploy import write_task_folder
 from pipeline.export.card import read_card
@@ -86,6 +87,28 @@ def test_completing_drops_what_an_earlier_export_left(tmp_path, robot):
     card = complete_export(tmp_path / "out", tmp_path / "done", robot, np.random.default_rng(0))
     assert "curves.csv" not in card.files
     assert not (tmp_path / "done" / "curves.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["booster_deploy/.git/HEAD", "booster_deploy/tasks/walk/walk.py", "config.json", "amp/curves.csv"]
+)
+def test_what_is_no_export_is_never_replaced(tmp_path, robot, name):
+    """The vendor's program has the name of our task's folder, and a run our names of network and curves."""
+    out = tmp_path / "out"
+    (out / name).parent.mkdir(parents=True)
+    for each in (out / name, out / "policy.npz"):
+        each.write_text("of somebody")
+    with pytest.raises(ExportError, match=rf"holds other files \({name}\) .* Name an empty folder"):
+        exported(tmp_path, robot)
+    assert (out / name).read_text() == (out / "policy.npz").read_text() == "of somebody"
+
+
+def test_a_robot_without_a_vendor_task_is_refused_before_an_earlier_export_goes(tmp_path, robot, monkeypatch):
+    card = exported(tmp_path, robot)
+    monkeypatch.setattr(booster_deploy, "ROBOTS", tmp_path / "none")
+    with pytest.raises(SettingsError, match="has no configuration"):
+        exported(tmp_path, robot)
+    assert read_export(tmp_path / "out", robot).card == card
 
 
 def test_an_export_is_not_completed_in_place_nor_if_it_was_changed(tmp_path, robot, capsys):

@@ -54,6 +54,18 @@ def test_the_ground_is_where_it_says(name: str):
         assert ground.height(x, y) == pytest.approx(_ray_height(model, data, x, y), abs=2e-3)
 
 
+def test_beside_the_hills_is_a_plane_just_below_them():
+    ground = GROUNDS["rough"]
+    spec = mujoco.MjSpec()
+    ground.add_to(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for y in (-4.0, 1.6):
+        assert ground.height(4.0, y) == pytest.approx(_ray_height(model, data, 4.0, y), abs=1e-6)
+        assert -0.04 < ground.height(4.0, y) < min(ground.height(4.0, inside) for inside in (-1.0, 0.0, 1.0))
+
+
 @pytest.mark.parametrize("name", sorted(set(GROUNDS) - {"across"}))
 def test_the_start_is_flat(name: str):
     places = np.random.default_rng(4).uniform(-0.49, 0.49, (30, 2))

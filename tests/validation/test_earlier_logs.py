@@ -59,7 +59,7 @@ def test_a_log_that_is_not_of_this_policys_validation_is_neither_removed_nor_wri
     path = log_path(tmp_path, CELL)
     write_mcap(path, dataclasses.replace(log, facts=FOREIGN[kind](log.facts)))
     before = path.read_bytes()
-    assert remove_earlier(tmp_path, still, ()) == ()
+    assert remove_earlier(tmp_path, still, (), (cell,)) == ()
     with pytest.raises(FileError, match=r"push_force_standing_60_ns.mcap: it is no log of this policy's validation"):
         refuse_foreign(tmp_path, (cell,), still)
     assert path.read_bytes() == before
@@ -76,8 +76,9 @@ def test_the_policys_own_log_goes_unless_it_is_of_this_verdict(
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / path.name).write_bytes(path.read_bytes())
     refuse_foreign(tmp_path, (cell,), still)
-    assert remove_earlier(tmp_path, still, (path,)) == ()
-    assert remove_earlier(tmp_path, still, ()) == (path,)
+    assert remove_earlier(tmp_path, still, (path,), (cell,)) == ()
+    assert remove_earlier(tmp_path, still, (), ()) == (), "a suite that did not try the cell"
+    assert remove_earlier(tmp_path, still, (), (cell,)) == (path,)
     left = sorted(str(each.relative_to(tmp_path)) for each in tmp_path.rglob("*.mcap"))
     assert left == [f"below/{path.name}", "kept by hand.mcap", "text.mcap", "torn.mcap"]
 

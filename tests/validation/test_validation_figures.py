@@ -1,10 +1,11 @@
 """Figures of rollouts whose figures are known on paper."""
 
+import numpy as np
 import pytest
 
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.figures import Measured, numbers_of
+from pipeline.validation.figures import Measured, at_envelope, numbers_of
 from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 from tests.factories.validation_walks import cell, gliding_rollout, measured
 
@@ -50,6 +51,16 @@ def test_saturation_counts_leg_joints_at_their_envelope(robot: Robot):
         100.0 * 2 / 12
     )
     assert _numbers(robot, (0.0, 0.0, 0.0), VelocityCommand(), torque=14.9)["saturation"] == 0.0
+
+
+def test_a_motor_beyond_its_no_load_speed_is_saturated_where_it_brakes_as_little_as_it_can():
+    """Of 40 N m from standstill to 10 rad/s on, at 20 rad/s from -40 to -20 N m."""
+    envelope = TorqueEnvelope(limit=np.array([40.0]), knee_speed=np.array([-5.0]), no_load_speed=np.array([15.0]))
+    speed = np.full((4, 1), 25.0)
+    assert envelope.bounds(speed)[1].ravel().tolist() == [-20.0] * 4
+    torque = np.array([[-20.0], [-19.0], [-25.0], [-40.0]])
+    assert at_envelope(torque, speed, envelope).ravel().tolist() == [True, True, False, True]
+    assert at_envelope(-torque, -speed, envelope).ravel().tolist() == [True, True, False, True]
 
 
 def test_of_a_fall_only_its_time_is_known(robot: Robot):
