@@ -75,7 +75,7 @@ class MujocoPlant(Plant):
         self._pushed = False
         self._qpos, self._qvel = slice(7, 7 + joints), slice(6, 6 + joints)
         self._feet = [int(self.model.site_bodyid[self.model.site(name).id]) for name in robot.feet]
-        self._default = standing_state(robot, self.ground.height(0.0, 0.0))
+        self._default = standing_state(robot, self.ground)
         self.reset()
 
     def reset(self, state: PlantState | None = None) -> None:

@@ -9,6 +9,9 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.errors import PipelineError
 from pipeline.robot import Robot
+from pipeline.simulation.terrain import FlatGround, Ground, tilt_at_start
+
+FLAT = FlatGround()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,11 +71,13 @@ class PlantState:
     joint_vel: Float[np.ndarray, " j"]
 
 
-def standing_state(robot: Robot, ground_height: float = 0.0) -> PlantState:
-    """At rest in the default pose on the ground at a height [m]."""
+def standing_state(robot: Robot, ground: Ground = FLAT) -> PlantState:
+    """At rest in the default pose, the soles on the ground's plane about the origin."""
+    tilt = np.array([*tilt_at_start(ground), 0.0])
+    height = robot.default_root_height / float(np.cos(np.linalg.norm(tilt)))  # above the origin of a tilted plane
     return PlantState(
-        root_pos_w=np.array([0.0, 0.0, robot.default_root_height + ground_height]),
-        root_quat_w=rotation.IDENTITY.copy(),
+        root_pos_w=np.array([0.0, 0.0, height + ground.height(0.0, 0.0)]),
+        root_quat_w=rotation.from_rotvec(tilt),
         root_lin_vel_w=np.zeros(3),
         root_ang_vel_b=np.zeros(3),
         joint_pos=np.array(robot.default_joint_pos),

@@ -1,7 +1,7 @@
 """Grounds to walk on: flat, sloping, rough, of small steps and stones. The robot starts at the origin and walks to +x.
 
-Every ground is flat and at height 0 about the origin (`START_M`), except a slope across. What is random in one is drawn
-when it is made.
+Every ground is a plane through the origin within `START_M` of it, level but for a slope across. What is random in one
+is drawn when it is made.
 """
 
 import math
@@ -34,6 +34,13 @@ class Ground(Protocol):
     def height(self, x: float, y: float) -> float:
         """Of its surface at a place [m]."""
         ...
+
+
+def tilt_at_start(ground: Ground) -> tuple[float, float]:
+    """Roll and pitch [rad] of a robot that stands on the ground's plane about the origin."""
+    half = START_M / 2.0
+    rise_x, rise_y = (ground.height(x, y) - ground.height(-x, -y) for x, y in ((half, 0.0), (0.0, half)))
+    return math.atan(rise_y / START_M), -math.atan(rise_x / START_M)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,19 +79,13 @@ class CrossSlope:
     """A plane that rises to the left, under the start too."""
 
     angle_deg: float
-    margin_m: float = 0.12
-    """Half width of a stance: the ground at the origin is lower by what it rises over this."""
-
-    @property
-    def _drop(self) -> float:
-        return self.margin_m * math.tan(math.radians(self.angle_deg))
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         half = math.radians(self.angle_deg) / 2.0
-        _plane(spec, -self._drop, [math.cos(half), math.sin(half), 0.0, 0.0])
+        _plane(spec, 0.0, [math.cos(half), math.sin(half), 0.0, 0.0])
 
     def height(self, x: float, y: float) -> float:
-        return y * math.tan(math.radians(self.angle_deg)) - self._drop
+        return y * math.tan(math.radians(self.angle_deg))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -126,15 +126,16 @@ def _run(
 
 
 def drawn_start(one: Deployed, start: Start, ground: terrain.Ground, rng: np.random.Generator) -> PlantState:
-    """A random state near the default pose, with the lowest sole corner on the ground."""
+    """A random state near the default pose on the ground, turned with its plane, with no sole corner below it."""
     robot, joints = one.robot, len(one.robot.joint_names)
     joint_pos = one.task.default_joint_pos + rng.uniform(-start.joint_pos, start.joint_pos, joints)
     joint_pos = np.clip(joint_pos, robot.joint_lower, robot.joint_upper)
     tilt = rng.uniform(-start.tilt, start.tilt, 2)
-    quat = rotation.from_rotvec(np.array([tilt[0], tilt[1], 0.0]))
+    roll, pitch = terrain.tilt_at_start(ground)
+    quat = rotation.from_rotvec(np.array([tilt[0] + roll, tilt[1] + pitch, 0.0]))
     names = [name for foot in robot.sole_corners for name in foot]
     corners = Kinematics(robot).sites_of_pose(names, joint_pos, quat)
-    height = ground.height(0.0, 0.0) - float(corners[:, 2].min())
+    height = max(ground.height(x, y) - z for x, y, z in corners.tolist())
     return PlantState(
         root_pos_w=np.array([0.0, 0.0, height]),
         root_quat_w=quat,

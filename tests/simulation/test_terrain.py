@@ -1,11 +1,17 @@
 """Every ground where rays find it, flat at the start, and a robot that stands on it."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
+from pipeline import rotation
+from pipeline.deployment import deployment_task
 from pipeline.robot import Robot
+from pipeline.robot.kinematics import Kinematics
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.plant import PlantState, standing_state
 from pipeline.simulation.terrain import (
     Bump,
     CrossSlope,
@@ -16,6 +22,10 @@ from pipeline.simulation.terrain import (
     rough_ground,
     stepping_stones,
 )
+from pipeline.validation.deployed import deployed
+from pipeline.validation.trial import Start
+from pipeline.validation.walk import drawn_start
+from tests.factories.policies import still_policy
 
 GROUNDS = {
     "flat": FlatGround(),
@@ -78,6 +88,36 @@ def test_random_grounds_differ_by_seed_and_keep_to_their_size():
     assert np.abs(one.top_m).max() <= 0.015
     assert not np.array_equal(one.top_m, other.top_m)
     assert np.abs(rough_ground(np.random.default_rng(5), amplitude_m=0.02).z_m).max() <= 0.02
+
+
+def lowest_corner(robot: Robot, state: PlantState, ground: Ground) -> float:
+    """Least height of the sole corners over the ground [m]."""
+    names = [name for foot in robot.sole_corners for name in foot]
+    corners = Kinematics(robot).sites_of_pose(names, state.joint_pos, state.root_quat_w) + state.root_pos_w
+    return min(z - ground.height(x, y) for x, y, z in corners.tolist())
+
+
+@pytest.mark.parametrize("name", GROUNDS)
+def test_no_sole_begins_below_the_ground(robot: Robot, root: Path, name: str):
+    assert lowest_corner(robot, standing_state(robot, GROUNDS[name]), GROUNDS[name]) == pytest.approx(0.0, abs=2e-4)
+    one = deployed(root / "robots" / "t1", still_policy(deployment_task(robot)))
+    start = Start(joint_pos=0.1, tilt=0.1, lin_vel=0.2, ang_vel=0.2, joint_vel=0.5)
+    for seed in range(3):
+        state = drawn_start(one, start, GROUNDS[name], np.random.default_rng(seed))
+        assert lowest_corner(robot, state, GROUNDS[name]) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle_deg", [5.0, 10.0, -10.0])
+def test_a_robot_on_a_cross_slope_begins_perpendicular_to_it_without_a_blow(robot: Robot, angle_deg: float):
+    plant = MujocoPlant(robot, MujocoOptions(ground=CrossSlope(angle_deg=angle_deg)))
+    state = plant.state()
+    up = rotation.rotate(state.root_quat_w, np.array([0.0, 0.0, 1.0]))
+    slope = np.radians(angle_deg)
+    assert up == pytest.approx([0.0, -np.sin(slope), np.cos(slope)], abs=1e-12)
+    for _ in range(10):
+        state = plant.state()
+        plant.step(robot.kp * (robot.default_joint_pos - state.joint_pos) - robot.kd * state.joint_vel)
+    assert np.abs(plant.state().root_ang_vel_b).max() < 0.15
 
 
 @pytest.mark.parametrize("name", GROUNDS)
