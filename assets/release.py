@@ -209,9 +209,9 @@ def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
         )
         ended = f"fell after {walked.fell_s:.1f} s" if walked.fell_s is not None else "no fall in 6 s"
         clip = walked.clip(f"{speed:g} m/s")
-        start_s = max((len(clip.joint_pos) - 1) / clip.fps - 2.0, 0.0)
-        name = f"{speed:g} m/s, last 1.5 s"
         ends_s = (len(clip.joint_pos) - 1) / clip.fps
+        start_s = max(ends_s - 2.0, 0.0)
+        name = f"{speed:g} m/s, last 1.5 s"
         last = Shown(name=name, robot_clip=walked.clip(name, start_s=min(start_s + 0.5, ends_s)))
         sheet = contact_sheet([last], one.robot, dots_per_m=LARGE)
         caption = f"forward {speed:g} m/s in MuJoCo, {ended}"

@@ -40,7 +40,7 @@ class Validate:
     json: File = None
     """write the verdict and all figures here"""
     failures: Folder = None
-    """write a log of each failed cell's worst trial here; logs of an earlier verdict of this policy are removed"""
+    """write a log of each failed cell's worst trial here; earlier logs of this policy in its cells are removed"""
     workers: Workers = 0
     table: bool = False
     """print every cell"""

@@ -19,7 +19,7 @@ from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.failed_trials import refuse_foreign, remove_earlier, write_failed_trials
 from pipeline.validation.figures import measure
-from pipeline.validation.suites import HELD_OUT, cells_of
+from pipeline.validation.suites import FULL, HELD_OUT, cells_of
 from pipeline.validation.verdict import as_text, judge, table
 
 EXPORTED = "policy.npz"
@@ -51,7 +51,7 @@ def validate_policy(args: Validate) -> int:
         write_json(args.json, {**verdict.to_dict(), "gains": one.gains()})
     if args.failures:
         logs = write_failed_trials(one, verdict, args.failures)
-        gone = remove_earlier(args.failures, one, logs, cells)
+        gone = remove_earlier(args.failures, one, logs, None if args.suite == FULL else cells)
         for path in logs:
             print(f"written: {path}")
         for path in gone:

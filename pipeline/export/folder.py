@@ -234,13 +234,10 @@ def _check_out(folder: Path) -> None:
         return
     ours = {POLICY, ONNX, GOLDEN, CURVES, card.PAGE, f"{DEPLOY}/README.md"}
     task = f"{DEPLOY}/{booster_deploy.FOLDER.as_posix()}/"
-    found = [path.relative_to(folder).as_posix() for path in sorted(folder.rglob("*")) if path.is_file()]
-    strange = [name for name in found if name not in ours and not name.startswith(task)]
-    if strange:
-        raise ExportError(
-            f"{folder} holds other files ({strange[0]}) and no earlier export, which would be replaced. Name an empty "
-            "folder."
-        )
+    found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    strange = next((name for name in found if name not in ours and not name.startswith(task)), None)
+    if strange is not None:
+        raise ExportError(f"{folder} holds other files ({strange}) and no earlier export. Name an empty folder.")
 
 
 def _clear(folder: Path) -> None:

@@ -4,7 +4,7 @@ import csv
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline.learning.training_error import TrainingError
+from pipeline.files import atomic
 
 
 class CurvesFile:
@@ -28,14 +28,7 @@ class CurvesFile:
         self._lines.append(",".join(str(value) if isinstance(value, int) else f"{value:.5g}" for value in row.values()))
 
     def write(self) -> None:
-        """Replace the file by all rows. Raises TrainingError where the disk refuses."""
+        """Replace the file by all rows. Raises FileError where the disk refuses."""
         if not self._lines:
             return
-        text = "\n".join([",".join(self._names), *self._lines, ""])
-        part = self._path.with_suffix(".part")
-        try:
-            part.write_text(text)
-            part.replace(self._path)
-        except OSError as error:
-            problem = f"could not be written ({error.strerror or error}). Is the disk full?"
-            raise TrainingError(f"{self._path}: {problem}") from error
+        atomic.write_text(self._path, "\n".join([",".join(self._names), *self._lines, ""]))

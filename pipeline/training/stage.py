@@ -118,13 +118,13 @@ class Stage(ABC):
         state = load_checkpoint(path, self.request.device)
         try:
             self.load(state)
+            self.resumed_at = [*map(int, state.get("resumed_at", [])), int(state["iteration"])]
         except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
             first = str(error).splitlines()[0]
             raise TrainingError(
                 f"{path}: is of another network or setting and can't be continued ({first}). Give another --out."
             ) from error
         self.iteration, self.environment_steps = int(state["iteration"]), int(state["environment_steps"])
-        self.resumed_at = [*state.get("resumed_at", []), self.iteration]
 
     def _save(self, curves: CurvesFile) -> None:
         """Raises TrainingError, without a checkpoint, where the network diverged."""

@@ -143,14 +143,17 @@ def refuse_foreign(folder: Path, cells: Iterable[Cell], one: Deployed) -> None:
             raise FileError(path, problem, "Name another folder for the logs of what fails.")
 
 
-def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path], tried: Iterable[Cell]) -> tuple[Path, ...]:
+def remove_earlier(
+    folder: Path, one: Deployed, kept: Iterable[Path], tried: Iterable[Cell] | None = None
+) -> tuple[Path, ...]:
     """Remove the logs of earlier verdicts on this policy and robot, except `kept`; return the removed paths.
 
-    Otherwise feedback would keep learning from cells that pass now. Logs of cells that were not tried stay, and so do
-    files whose metadata does not identify them as such a log.
+    Otherwise feedback would keep learning from cells that pass now. Of a verdict on some cells (`tried`) the logs of
+    others stay, and so do files whose metadata does not identify them as such a log.
     """
-    paths = sorted({log_path(folder, cell.name) for cell in tried} - set(kept))
-    gone = [path for path in paths if path.is_file() and _is_of(path, one)]
+    known = None if tried is None else {log_path(folder, cell.name) for cell in tried}
+    paths = [path for path in sorted(set(folder.glob("*.mcap")) - set(kept)) if known is None or path in known]
+    gone = [path for path in paths if _is_of(path, one)]
     for path in gone:
         path.unlink()
     return tuple(gone)

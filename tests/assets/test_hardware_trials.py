@@ -81,6 +81,14 @@ def test_a_log_becomes_a_trial_in_the_store(project, log_bytes, robot):
     assert not list((project.store.root / "ingest").iterdir())
 
 
+def test_what_a_killed_run_left_is_removed(project, log_bytes):
+    drop(project, "day1/walk.mcap", log_bytes)
+    (project.store.root / "ingest" / "tmp1").mkdir(parents=True)
+    (project.store.root / "ingest" / "tmp1" / "half.parquet").write_bytes(b"half")
+    ingested(project)
+    assert not list((project.store.root / "ingest").iterdir())
+
+
 def test_an_empty_folder_and_none_at_all_are_fine(project):
     assert ingested(project).manifest.entries == ()
     project.hardware_logs.rmdir()

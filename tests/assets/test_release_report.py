@@ -2,6 +2,7 @@
 
 import io
 import shutil
+from types import SimpleNamespace
 
 import dagster as dg
 import numpy as np
@@ -163,3 +164,18 @@ def test_walks_are_shown_moving_and_as_a_sheet(project, digest_of_policy):
     assert all(image.n_frames > 5 and image.info["loop"] == 0 for image in moving), "they play, again and again"
     assert all("fell after" in each.caption for each in dossier.pictures)
     assert {each.caption.split(" in ")[0] for each in dossier.pictures} == {"forward 0.6 m/s", "forward 2 m/s"}
+
+
+def test_a_walk_that_ends_at_once_is_shown_too(project, digest_of_policy, monkeypatch):
+    """Of less than the half second that the sheet leaves out."""
+
+    def deployed(folder, policy):
+        one = deploy(folder, policy)
+        walk = lambda plant, command, seconds, **others: one.walk(plant, command, 0.1, **others)  # noqa: E731
+        return SimpleNamespace(robot=one.robot, walk=walk)
+
+    deploy = release.deployed
+    monkeypatch.setattr(release, "deployed", deployed)
+    with dg.DagsterInstance.ephemeral() as instance:
+        dossier = gathered(project, instance)
+    assert [each.kind for each in dossier.pictures] == ["gif", "png", "gif", "png"]

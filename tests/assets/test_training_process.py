@@ -97,10 +97,16 @@ def test_a_changed_recipe_is_another_run(place, monkeypatch):
     assert asked(place, 0, monkeypatch).folder != before
 
 
-def test_a_run_that_is_done_is_not_trained_again(place, monkeypatch):
+def test_a_run_that_is_done_is_not_trained_again_but_said_to_be_of_other_code(place, monkeypatch, caplog):
+    """The stand-in states the commit `abc`."""
     run = asked(place, 0, monkeypatch)
     start(run, place)
+    monkeypatch.setattr(training_process, "commit_of", lambda _: "abc")
     start(run, place)
+    assert "it was trained at commit" not in caplog.text
+    monkeypatch.setattr(training_process, "commit_of", lambda _: "def")
+    start(run, place)
+    assert f"at commit abc, the code is at def. To train again, remove {run.folder}" in caplog.text
     assert (run.folder / "starts").read_text() == "from 1\n"
 
 

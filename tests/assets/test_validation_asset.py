@@ -83,3 +83,13 @@ def test_other_engines_say_the_digest_of_what_they_walk_too(
     exported = Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": {"digest": "another"}})
     found, _ = policy.evaluated_policy(policy.EvaluatedPolicyConfig(), exported, "t1")
     assert digest(found.policy) == digest(still)
+
+
+def test_a_quick_verdict_leaves_the_logs_of_cells_that_it_did_not_try(tmp_path: Path):
+    paths = [tmp_path / f"{name}.mcap" for name in ("failed_now", "passes_now", "not_tried")]
+    for path in paths:
+        path.write_bytes(b"log")
+    policy.remove_earlier_logs(tmp_path, paths[:1], {*paths[:2]})
+    assert sorted(tmp_path.iterdir()) == [paths[0], paths[2]]
+    policy.remove_earlier_logs(tmp_path, paths[:1])
+    assert sorted(tmp_path.iterdir()) == paths[:1]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.errors import FileError
 from pipeline.learning.curves_file import CurvesFile
-from pipeline.learning.training_error import TrainingError
 
 
 def test_a_resumed_run_keeps_the_rows_before_its_checkpoint(tmp_path: Path):
@@ -26,12 +26,17 @@ def test_a_resumed_run_keeps_the_rows_before_its_checkpoint(tmp_path: Path):
     assert [each.name for each in tmp_path.iterdir()] == ["curves.csv"]
 
 
-def test_a_full_disk_gets_one_sentence(tmp_path: Path, monkeypatch):
-    def full(*_):
+def full(monkeypatch):
+    def refuse(*_):
         raise OSError(28, "No space left on device")
 
+    monkeypatch.setattr("pipeline.files.atomic.os.fsync", refuse)
+
+
+def test_a_full_disk_gets_one_sentence(tmp_path: Path, monkeypatch):
     curves = CurvesFile(tmp_path / "curves.csv", 0)
     curves.add({"iteration": 1, "seconds": 1.0})
-    monkeypatch.setattr(Path, "write_text", full)
-    with pytest.raises(TrainingError, match=r"curves\.csv: could not be written \(No space left on device\)"):
+    full(monkeypatch)
+    with pytest.raises(FileError, match=r"curves\.csv: could not be written \(.*No space left on device"):
         curves.write()
+    assert not list(tmp_path.iterdir())

@@ -48,7 +48,7 @@ def work(rank: int, folder: str) -> None:
 
 def test_two_processes_train_one_discriminator(tmp_path):
     context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=work, args=(rank, str(tmp_path))) for rank in range(WORLD)]
+    processes = [context.Process(target=work, args=(rank, str(tmp_path)), daemon=True) for rank in range(WORLD)]
     for process in processes:
         process.start()
     for process in processes:

@@ -79,6 +79,8 @@ def test_the_policys_own_log_goes_unless_it_is_of_this_verdict(
     assert remove_earlier(tmp_path, still, (path,), (cell,)) == ()
     assert remove_earlier(tmp_path, still, (), ()) == (), "a suite that did not try the cell"
     assert remove_earlier(tmp_path, still, (), (cell,)) == (path,)
+    write_mcap(path, log)
+    assert remove_earlier(tmp_path, still, ()) == (path,), "a suite that tried all cells"
     left = sorted(str(each.relative_to(tmp_path)) for each in tmp_path.rglob("*.mcap"))
     assert left == [f"below/{path.name}", "kept by hand.mcap", "text.mcap", "torn.mcap"]
 
