@@ -24,9 +24,9 @@ from assets.training_process import (
 )
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert import manifest
-from pipeline.expert.swap import current
 from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
+from pipeline.files.swap import current
 from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.training.config import preset
 

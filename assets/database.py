@@ -15,9 +15,9 @@ from pipeline.batch import Manifest
 from pipeline.dataset_export import export_database
 from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database
 from pipeline.expert.manifest import FILE as MANIFEST
-from pipeline.expert.swap import replace_folder
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_command
 from pipeline.files import digest
+from pipeline.files.swap import replace_folder
 from pipeline.project import DEFAULT_ROBOT, PROJECT
 
 

@@ -22,7 +22,7 @@ from pipeline.feedback.change import Change, place_of, proposal_digest
 from pipeline.feedback.propose import Proposal, propose
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.feedback.trust import is_demonstration
-from pipeline.files import settings
+from pipeline.files import atomic, settings
 from pipeline.files.shown_text import markdown_list
 from pipeline.project import PROJECT
 from pipeline.selection import Curation
@@ -160,9 +160,11 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
-    approved = PROJECT.feedback.approvals().changes
-    kept = [each for each in changes if not is_demonstration(each) or each in approved]
-    write_entries(PROJECT.feedback.approved, entries_of(kept, proposal, "the rules, which ask for no approval"))
+    path = PROJECT.feedback.approved
+    with atomic.only_writer(path):
+        approved = PROJECT.feedback.approvals().changes
+        kept = [each for each in changes if not is_demonstration(each) or each in approved]
+        write_entries(path, entries_of(kept, proposal, "the rules, which ask for no approval"))
 
 
 @asset_of(REPORT, "mujoco")

@@ -14,7 +14,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.plan import TRIALS, Plan, digest_of_robot, external
+from assets.plan import TRIALS, Plan, digest_of_robots, external
 from assets.report import asset_of, check_result, result_of, table_of
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.clips.outcome import Reason
@@ -52,8 +52,7 @@ def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: loggin
     shutil.rmtree(project.store.root / "ingest", ignore_errors=True)  # what a killed run left
     files, waiting = complete_logs(folder, project.log_digests)
     files, copies = without_copies(files, _names_before(project, plan))
-    robots = {robot: digest_of_robot(project, robot) for robot in project.robots}
-    version = digest.of_json([plan.name, plan.code_version(), settings.plain(values), robots])
+    version = digest.of_json([plan.name, plan.code_version(), settings.plain(values), digest_of_robots(project)])
     answers: dict[str, Answer] = {}
     read, faults = 0, 0
     for file in files:

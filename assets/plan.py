@@ -49,6 +49,10 @@ class Plan:
     """Whether the key has the robot's name although it is the default robot: a training is started by its name."""
     shipped_policies: bool = False
     """Whether it depends on the policies that ship with the robot."""
+    every_robot: bool = False
+    """Whether it depends on the folders of all robots: readers and logs of hardware find out whose motion it is."""
+    policies_at_hand: bool = False
+    """Whether it depends on the files of all policies at hand, of all robots: a log names its policy by digest."""
 
     @property
     def key(self) -> dg.AssetKey:
@@ -69,6 +73,12 @@ class Plan:
         parts = [self.name, self.code_version(), values, robot]
         if self.shipped_policies:
             parts.append(digest_of_policies(project, self.robot or DEFAULT_ROBOT))
+        if self.every_robot:
+            parts.append(digest_of_robots(project))
+        if self.policies_at_hand:
+            parts.append(
+                sorted({digest.of_file(path) for name in project.robots for path in project.policy_files(name)})
+            )
         return digest.of_json(parts)[:FINGERPRINT_DIGITS]
 
     def takes_as_it_is(self, parent: dg.AssetKey) -> bool:
@@ -81,6 +91,11 @@ def digest_of_robot(project: Project, robot: str) -> str:
     folder, policies = project.robot_folder(robot), project.shipped_policies(robot)
     files = (path for path in folder.rglob("*") if path.suffix in {".xml", ".urdf", ".toml", ".csv"})
     return digest.of_files([path for path in files if policies not in path.parents], folder)
+
+
+def digest_of_robots(project: Project) -> str:
+    """Digest of the folders of all robots."""
+    return digest.of_json({name: digest_of_robot(project, name) for name in project.robots})
 
 
 def digest_of_policies(project: Project, robot: str) -> str:
@@ -99,13 +114,14 @@ SHARED = (
         SOURCES,
         ("catalog", "readers", "hardware_logs"),
         ("catalog.yaml", "sources.yaml", "hardware_logs.yaml"),
+        every_robot=True,
     ),
     Plan("selected_motions", SELECTION, ("selection", "feedback"), ("curation.yaml",)),
     Plan("repaired_motions", REPAIR, ("repair",), ("repair.yaml",)),
 )
 """The stages that are the same for every robot."""
 
-TRIALS = Plan("hardware_trials", HARDWARE, ("hardware_logs",), ("hardware_logs.yaml",))
+TRIALS = Plan("hardware_trials", HARDWARE, ("hardware_logs",), ("hardware_logs.yaml",), every_robot=True)
 """What is made of each log by itself."""
 
 FIELD = (
@@ -114,6 +130,8 @@ FIELD = (
         HARDWARE,
         ("failures", "feedback", "virtual_robot", "validation", "hardware_logs", "deployment", "actuators"),
         ("failures.yaml", "actuators.yaml"),
+        every_robot=True,
+        policies_at_hand=True,
     ),
     Plan(
         "curation_feedback",

@@ -54,8 +54,7 @@ def tracking_policy(
     A robot without any has an empty result; its database is then made of references.
     """
     robot = plan.robot or DEFAULT_ROBOT
-    new = unknown_references(PROJECT, robot, reference_motions)
-    if config.train == ALWAYS or (config.train == CHANGED and new):
+    if config.train == ALWAYS or (config.train == CHANGED and unknown_references(PROJECT, robot, reference_motions)):
         _train(plan, config, reference_motions, robot, clip_pool, context.log)
     served = served_tracker(PROJECT, robot)
     if served is None:

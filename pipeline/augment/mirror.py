@@ -43,7 +43,7 @@ def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
     return scaled
 
 
-_ODD_NUMBERS = ("lateral_m_s", "yaw_rate_rad_s", "heading_rad")
+_ODD_NUMBERS = ("lateral_m_s", "yaw_rate_rad_s", "heading_rad", "origin_y_m")
 """Numbers that change their sign in a mirror."""
 
 
@@ -63,6 +63,8 @@ def mirror_numbers(numbers: Numbers) -> dict[str, Number]:
         value = mirrored.get(name)
         if isinstance(value, (int, float)):
             mirrored[name] = -value if value else value
+    sides = ("contact_share_left", "contact_share_right")
+    mirrored |= {name: numbers[other] for name, other in zip(sides, sides[::-1], strict=True) if other in numbers}
     skill = mirrored.get("skill")
     if isinstance(skill, str):
         mirrored["skill"] = mirror_skill(skill)

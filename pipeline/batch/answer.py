@@ -15,7 +15,7 @@ from pipeline.batch.rows import Entry
 from pipeline.batch.store import Store
 from pipeline.clips.codec import faults_of
 from pipeline.clips.outcome import Clip, Numbers, Outcome, Piece
-from pipeline.errors import ClipError, FileError
+from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.files.blob_store import StoreError
 
 
@@ -104,9 +104,13 @@ def _answer(
         code = error.code if isinstance(error, ClipError) else "unreadable"
         return rejection(code, str(error), seconds_in)
     except Exception as error:  # a fault of ours must not stop the other clips; it is tried again in the next run
-        text = f"clip '{name}': the stage failed with {type(error).__name__}: {error}"
-        return rejection("failed", text, seconds_in, failed=True)
-    stored = [motions.put(piece.clip) for piece in outcome.pieces]
+        return _fault(error, name, seconds_in)
+    try:
+        stored = [motions.put(piece.clip) for piece in outcome.pieces]
+    except PipelineError:  # the store's own, such as a full disk: it stops the run
+        raise
+    except Exception as error:  # a clip that cannot be encoded, which is a fault of ours too
+        return _fault(error, name, seconds_in)
     pieces = [
         {"clip": piece.clip.name, "blob": blob, "numbers": _plain(_new(piece.numbers, known))}
         for piece, (blob, _) in zip(outcome.pieces, stored, strict=True)
@@ -136,6 +140,12 @@ def _new(numbers: Numbers, known: Numbers) -> Numbers:
 def _seconds(piece: Piece) -> float:
     """Length of a piece [s]; a window of a whole clip says its own."""
     return float(piece.numbers.get("seconds") or piece.clip.duration_s)
+
+
+def _fault(error: Exception, name: str, seconds_in: float | None) -> dict[str, Any]:
+    """The answer about a clip that the stage did not get through."""
+    text = f"clip '{name}': the stage failed with {type(error).__name__}: {error}"
+    return rejection("failed", text, seconds_in, failed=True)
 
 
 def rejection(code: str, text: str, seconds_in: float | None, failed: bool = False) -> dict[str, Any]:

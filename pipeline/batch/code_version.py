@@ -17,6 +17,8 @@ LIBRARIES = ("numpy", "scipy", "mujoco", "pin", "placo", "pyarrow", "pandas")
 OWN_LIBRARIES = {
     "dart": ("dartpy",),
     "expert": ("torch",),
+    "hardware_logs": ("lz4", "mcap", "rosbags", "zstandard"),
+    "readers": ("c3d",),
     "export": ("onnx", "onnxruntime", "torch"),
     "learning": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),
     "tracking": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),

@@ -11,8 +11,8 @@ from pipeline.dataset_export import export_database
 from pipeline.dataset_export.export import CARD, LEROBOT
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert import history, manifest
-from pipeline.expert.swap import current
 from pipeline.files.csv_json import read_json
+from pipeline.files.swap import current
 from pipeline.project import Project, find_project
 from pipeline.readers.remembered import forget, read_remembered
 

@@ -19,8 +19,8 @@ from pipeline.expert import check_database
 from pipeline.expert.database_clip import read_database_clip
 from pipeline.expert.dataset_card import FILE as CARD
 from pipeline.expert.dataset_card import dataset_card
-from pipeline.expert.swap import current
 from pipeline.files import atomic, digest
+from pipeline.files.swap import current
 from pipeline.robot import Kinematics, Robot
 
 

@@ -10,13 +10,15 @@ import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pipeline.errors import FileError, PipelineError, UnknownNameError
-from pipeline.expert import manifest, swap
+from pipeline.expert import manifest
 from pipeline.expert.read import check_database
-from pipeline.files import atomic, digest
+from pipeline.files import atomic, digest, swap
 from pipeline.files.csv_json import read_json
+from pipeline.files.ranges import SHARE, Range
+from pipeline.files.sourced import Unit
 
 REFUSED = "-refused"
 """End of the name of a version that never was in place."""
@@ -24,6 +26,16 @@ KEPT_REFUSED = 2
 """Refused versions that are kept."""
 DIGITS = 12
 _NAME = re.compile(rf"(\d{{4,}})-([0-9a-f]{{{DIGITS}}})({REFUSED})?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatabaseSettings:
+    """`data/database.yaml`."""
+
+    max_lost_share: Annotated[float, SHARE, Unit("share")]
+    """Largest share of the clips, or of the seconds, of the database in place that a new one may lack."""
+    kept_versions: Annotated[int, Range(1, 1000)]
+    """Earlier versions that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 from pipeline.errors import FileError
 from pipeline.expert import manifest
 from pipeline.expert.licence import classify_licence
-from pipeline.expert.swap import current
 from pipeline.files import digest
 from pipeline.files.csv_json import read_json
+from pipeline.files.swap import current
 
 
 def database_version(folder: Path) -> str:

@@ -13,9 +13,9 @@ from jaxtyping import Float
 
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert import index, manifest
-from pipeline.expert.swap import current
 from pipeline.files import digest
 from pipeline.files.csv_json import MAX_JSON_BYTES, read_json
+from pipeline.files.swap import current
 
 CLIP_KEYS = ("FrameDuration", "MotionWeight", "LoopMode", "Robot", "Skill", "Licence", "Columns", "Frames")
 LOOP_MODES = ("Clamp", "Wrap")

@@ -28,9 +28,9 @@ from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, frames_of_clips, numbers_text, rounded
 from pipeline.expert.read import Contents, DatabaseError, check_database, faults_of_frames, read_clip
-from pipeline.expert.swap import DatabaseSettings, current, replace_folder
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
+from pipeline.files.swap import current, replace_folder
 from pipeline.robot import Robot
 
 HERE = ClipPool(backend="sequential")
@@ -132,7 +132,7 @@ def write_database(
     robot: Robot,
     *,
     stages: Mapping[str, Any],
-    settings: DatabaseSettings | None = None,
+    settings: history.DatabaseSettings | None = None,
     pool: ClipPool = HERE,
 ) -> Contents:
     """Replace the database in `folder` by one of `entries`; its manifest and index, read back.

@@ -13,8 +13,7 @@ from typing import Any
 
 from pipeline.batch.code_version import code_version
 from pipeline.errors import FileError
-from pipeline.expert import swap
-from pipeline.files import atomic, digest
+from pipeline.files import atomic, digest, swap
 from pipeline.files.csv_json import read_json
 from pipeline.robot import Robot
 

@@ -58,20 +58,26 @@ def tracking_divergences(signals: Signals, settings: TrackingSettings, until_s: 
 def delay_and_gain(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> tuple[float, float]:
     """The delay [s] from a target's message at which it explains the measured torques best, and torque over asked then.
 
-    The law is torque = kp (target - position) - kd velocity; the target is late, the joint's state is not.
+    The law is torque = kp (target - position) - kd velocity; the target is late, the joint's state is not. All delays
+    are compared over the same samples, those of which everything is known; without any the answer is (0, 1).
     """
     trial = signals.trial
     joints = np.flatnonzero(np.nanstd(np.asarray(trial.target_pos, dtype=float), axis=0) > 1e-3)  # that are commanded
     rows = np.arange(start * signals.every, min(stop * signals.every, len(trial.time_s)))
-    torque = np.asarray(trial.torque_est, dtype=float)[rows][:, joints]
-    state = -trial.kp * trial.joint_pos - trial.kd * trial.joint_vel
+    torque, target, kp = (
+        np.asarray(each, dtype=float)[:, joints] for each in (trial.torque_est, trial.target_pos, trial.kp)
+    )
+    state = np.asarray(-trial.kp * trial.joint_pos - trial.kd * trial.joint_vel, dtype=float)[:, joints]
+    lates = range(round(settings.longest_delay_s * trial.rate_hz) + 1)
+    known = np.isfinite(torque[rows] + kp[rows] + state[rows])
+    for late in lates:
+        known &= np.isfinite(target[np.maximum(rows - late, 0)])
     best, found = np.inf, (0.0, 1.0)
-    for late in range(round(settings.longest_delay_s * trial.rate_hz) + 1):
-        earlier = np.maximum(rows - late, 0)
-        asked = (trial.kp[rows] * trial.target_pos[earlier] + state[rows])[:, joints]
-        asked = np.nan_to_num(np.asarray(asked, dtype=float))
-        slope = float(np.sum(asked * torque) / max(np.sum(asked**2), 1e-9))
-        left = float(np.sum((torque - slope * asked) ** 2))
+    for late in lates if known.any() else ():
+        asked = (kp[rows] * target[np.maximum(rows - late, 0)] + state[rows])[known]
+        measured = torque[rows][known]
+        slope = float(np.sum(asked * measured) / max(np.sum(asked**2), 1e-9))
+        left = float(np.sum((measured - slope * asked) ** 2))
         if left < best:
             best, found = left, (late / trial.rate_hz, slope)
     return found

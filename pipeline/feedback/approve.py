@@ -14,7 +14,7 @@ from pipeline.errors import PipelineError
 from pipeline.feedback.approved import Approvals, added, entries_of, read_approvals, write_entries
 from pipeline.feedback.change import SECTIONS, Change, Witness, check_bounds, proposal_digest
 from pipeline.feedback.rules import FeedbackRules
-from pipeline.files import settings
+from pipeline.files import atomic, settings
 
 PROPOSAL_ASSET = "curation_feedback"
 """The asset whose manifest holds the pending proposal."""
@@ -87,16 +87,17 @@ def approve_proposal(
     kept = _answered(files, proposal, by, policies, sections)
     rules = files.rules
     check_bounds(kept, rules)
-    earlier = files.approvals()
     touched = {each.section for each in kept}
-    for section, fault in earlier.faults.items():
-        if not earlier.readable or (policies and section in touched):
-            raise ApprovalError(
-                f"nothing was approved, since the approved changes of '{section}' can't be read: {fault}"
-            )
-    entries = added(earlier.entries, entries_of(kept, proposal, by), whole=not policies)
-    check_bounds([each for entry in entries if entry.section in touched for each in entry.changes], rules)
-    write_entries(files.approved, entries)
+    with atomic.only_writer(files.approved):
+        earlier = files.approvals()
+        for section, fault in earlier.faults.items():
+            if not earlier.readable or (policies and section in touched):
+                raise ApprovalError(
+                    f"nothing was approved, since the approved changes of '{section}' can't be read: {fault}"
+                )
+        entries = added(earlier.entries, entries_of(kept, proposal, by), whole=not policies)
+        check_bounds([each for entry in entries if entry.section in touched for each in entry.changes], rules)
+        write_entries(files.approved, entries)
     return len(kept)
 
 
@@ -106,19 +107,25 @@ def decline_proposal(files: FeedbackFiles, proposal: str, by: str, *, sections: 
     Args: as for `approve_proposal`
     """
     kept = _answered(files, proposal, by, (), sections)
-    earlier = files.answers(files.declined)
-    entries = added(earlier.entries, entries_of(kept, proposal, by), whole=True)
-    write_entries(files.declined, entries, head="declined")
+    with atomic.only_writer(files.declined):
+        earlier = files.answers(files.declined)
+        entries = added(earlier.entries, entries_of(kept, proposal, by), whole=True)
+        write_entries(files.declined, entries, head="declined")
     return len(kept)
 
 
 def take_back_sections(files: FeedbackFiles, sections: Sequence[str], by: str) -> int:
     """Remove sections from the approved changes; how many changes these were. Raises ApprovalError."""
+    if not by.strip():
+        raise ApprovalError("taking back needs a name: state who does it in 'by'.")
+    with atomic.only_writer(files.approved):
+        return _take_back(files, sections)
+
+
+def _take_back(files: FeedbackFiles, sections: Sequence[str]) -> int:
     approvals = files.approvals()
     if not approvals.readable:
         raise ApprovalError(f"nothing was taken back: {next(iter(approvals.faults.values()))}")
-    if not by.strip():
-        raise ApprovalError("taking back needs a name: state who does it in 'by'.")
     there = sorted({entry.section for entry in approvals.entries})
     strange = [section for section in sections if section not in there]
     if strange or not sections:

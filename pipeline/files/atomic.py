@@ -6,10 +6,11 @@ manifest names them (`sync`).
 
 import contextlib
 import errno
+import fcntl
 import os
 import stat
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -55,6 +56,22 @@ def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE) -> Non
         if not isinstance(error, OSError):
             raise
         raise FileError(path, f"could not be written ({error}); {_room(path.parent)}") from error
+
+
+@contextlib.contextmanager
+def only_writer(path: Path) -> Iterator[None]:
+    """Keep other writers of the file waiting, from reading it to writing what was changed. Makes its folder.
+
+    The lock is on the folder, since `path` is another file after each write; so writers of two files of one folder wait
+    for each other, and locks must not be nested.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle = os.open(path.parent, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def write_unsynced(path: Path | str, data: bytes, time_ns: int | None = None) -> None:

@@ -41,11 +41,13 @@ SKELETON: dict[str, tuple[str | None, tuple[float, float, float]]] = {
 HINGES = ("right_knee", "right_elbow", "left_knee", "left_elbow")
 FIXED = ("right_wrist", "left_wrist")
 COLUMNS = 44
+STATE_IT = "State `fps:` for it in data/sources.yaml."
 
 
 def read_deepmimic(path: Path) -> RawMotion:
     """A DeepMimic motion. Raises FileError."""
     rows = _rows(path)
+    fps, rate_fault = _rate(path, rows[:, 0])
     parents = parent_indices({joint: parent for joint, (parent, _) in SKELETON.items()})
     offsets = np.array([offset for _, offset in SKELETON.values()])
     for joint, first in _columns().items():
@@ -64,7 +66,8 @@ def read_deepmimic(path: Path) -> RawMotion:
             rows=(rows,),
             local=lambda start, stop: _local(rows[start:stop]),
         ),
-        fps=_rate(path, rows[:, 0]),
+        fps=fps,
+        rate_fault=rate_fault,
         files=(path,),
         unit="m",
     )
@@ -124,12 +127,13 @@ def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _rate(path: Path, durations_s: Float[np.ndarray, " t"]) -> float:
-    """Frames per second [Hz]; every frame lasts the same but the last, whose duration is not used."""
+def _rate(path: Path, durations_s: Float[np.ndarray, " t"]) -> tuple[float | None, FileError | None]:
+    """Frames per second [Hz], or why the durations give none. The last frame's duration is not used."""
     used = durations_s[:-1] if len(durations_s) > 1 else durations_s
     typical = float(np.median(used))
     if not 1e-4 <= typical <= 1.0:
-        raise FileError(path, f"a frame lasts {typical:g} s, wanted 0.0001 to 1.", "State `fps:` for it.")
+        return None, FileError(path, f"a frame lasts {typical:g} s, wanted 0.0001 to 1.", STATE_IT)
     if np.max(np.abs(used - typical)) > 0.02 * typical:
-        raise FileError(path, f"frames last from {np.min(used):g} to {np.max(used):g} s; one rate is wanted.")
-    return 1.0 / typical
+        problem = f"frames last from {np.min(used):g} to {np.max(used):g} s; one rate is wanted."
+        return None, FileError(path, problem, STATE_IT)
+    return 1.0 / typical, None

@@ -85,6 +85,30 @@ def _whole(value: Any) -> int:
 
 def open_gltf(path: Path) -> GltfFile:
     """The file with its buffers. Raises FileError."""
+    bare, inner = _without_buffers(path)
+    buffers = tuple(_buffer(path, each, inner, number) for number, each in enumerate(bare.items("buffers")))
+    return GltfFile(path=path, json=bare.json, buffers=buffers)
+
+
+def files_beside(path: Path) -> tuple[Path, ...]:
+    """The files beside a glTF that hold its buffers; none where it can't be read."""
+    try:
+        bare, _ = _without_buffers(path)
+        named = [each.get("uri") for each in bare.items("buffers")]
+        uris = [uri for uri in named if isinstance(uri, str) and not uri.startswith("data:")]
+        return tuple(path.parent / uri for uri in uris if _is_beside(path, uri))
+    except (FileError, OSError):
+        return ()
+
+
+def _is_beside(path: Path, uri: str) -> bool:
+    """Whether an address is that of a file in the folder of `path`."""
+    beside = path.parent / uri
+    return not any(each in uri for each in "/\\\0") and not beside.is_symlink() and beside.is_file()
+
+
+def _without_buffers(path: Path) -> tuple[GltfFile, np.ndarray | None]:
+    """The file with its JSON alone, and the binary chunk of a GLB. Raises FileError."""
     check_size(path)
     with path.open("rb") as stream:
         binary = stream.read(4) == struct.pack("<I", _MAGIC)
@@ -97,10 +121,7 @@ def open_gltf(path: Path) -> GltfFile:
         raise FileError(path, "it is not glTF: 'asset' is missing.")
     if not str(value["asset"].get("version", "")).startswith("2"):
         raise FileError(path, "it is not glTF 2.0.", "Export it again from a current program.")
-    del text
-    bare = GltfFile(path=path, json=value, buffers=())
-    buffers = tuple(_buffer(path, each, inner, number) for number, each in enumerate(bare.items("buffers")))
-    return GltfFile(path=path, json=value, buffers=buffers)
+    return GltfFile(path=path, json=value, buffers=()), inner
 
 
 def _chunks(path: Path, stream: BinaryIO) -> tuple[bytes, np.ndarray | None]:
@@ -137,7 +158,7 @@ def _buffer(path: Path, buffer: dict[str, Any], inner: np.ndarray | None, number
     if uri.startswith("data:"):
         return _decoded(path, uri, number)
     beside = path.parent / uri
-    if "/" in uri or "\\" in uri or "\0" in uri or beside.is_symlink() or not beside.is_file():
+    if not _is_beside(path, uri):
         problem = f"buffers[{number}] is in '{uri[:60]}', which is not a file beside it."
         raise FileError(path, problem, "Put it there, or export as GLB.")
     check_size(beside)

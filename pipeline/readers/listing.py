@@ -22,6 +22,7 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError, PipelineError, SettingsError
 from pipeline.files import digest
+from pipeline.readers.gltf_file import files_beside
 from pipeline.readers.read_motion import SUFFIXES, read_motion
 from pipeline.readers.source import Source, read_sidecar, sidecar_text
 from pipeline.readers.unread import NO_MOTION, POINTER, how_to_convert
@@ -231,14 +232,16 @@ def _start(path: Path) -> str | None:
 def content_digest(path: Path, source: Source) -> str:
     """Digest of a motion file, of the files that belong to it, and of what its source states about it.
 
-    To it belong the skeletons (`.asf`) beside an `.amc` and the files that its statement names: a skeleton map of the
-    user's own, a body model, an ASF; and the motion that it tracked, with what is stated of that. A motion that is a
-    link out of the source's folder is not followed: its target's name counts.
+    To it belong the skeletons (`.asf`) beside an `.amc`, the buffers of a `.gltf`, and the files that its statement
+    names: a skeleton map of the user's own, a body model, an ASF; and the motion that it tracked, with what is stated
+    of that. A motion that is a link out of the source's folder is not followed: its target's name counts.
     """
     own = digest.of_json(["link", str(path.readlink())]) if not can_be_followed(path, source.folder) else _of(path)
     stated, others = source.statement_of(path), []
     if path.suffix.lower() == ".amc":
         others += sorted(each for each in path.parent.iterdir() if each.suffix.lower() == ".asf")
+    if path.suffix.lower() == ".gltf":
+        others += files_beside(path)
     # a skeleton without a suffix is one of the project's maps
     others += [Path(each) for each in (stated.skeleton, stated.body_model) if each is not None and Path(each).suffix]
     if stated.asf is not None:

@@ -41,8 +41,9 @@ def read_robot_csv(path: Path) -> RobotMotion:
     values = read_table(path, itertools.chain([first], lines), text.line_count, width, comma=True)
     rates = (re.fullmatch(r"\s*#\s*fps\s*[:=]\s*([0-9.eE+-]+)\s*", comment) for comment in comments)
     fps = next((float(rate.group(1)) for rate in rates if rate and _is_number(rate.group(1))), None)
+    rate_fault = None
     if header is not None and "time_s" in header:
-        fps = _rate(path, values[:, header.index("time_s")], fps)
+        fps, rate_fault = _rate(path, values[:, header.index("time_s")], fps)
         values = np.delete(values, header.index("time_s"), axis=1)
         header = [name for name in header if name != "time_s"]
     columns = [3, 4, 5, 6] if header is None else _quaternion_columns(path, header)
@@ -56,6 +57,7 @@ def read_robot_csv(path: Path) -> RobotMotion:
         joint_pos=values[:, ROOT:],
         joint_names=tuple(header[ROOT:]) if header is not None else None,
         fps=fps,
+        rate_fault=rate_fault,
     )
 
 
@@ -76,16 +78,18 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> float:
-    """The rate [Hz] of a comment, or that of the times, which have to agree. Raises FileError."""
+def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> tuple[float | None, FileError | None]:
+    """The rate [Hz] of a comment, or that of the times, which have to agree; or why there is none."""
     step_s = np.diff(time_s)
-    if not len(step_s) or not np.isfinite(step_s).all() or np.ptp(step_s) > 0.02 * np.median(step_s):
-        raise FileError(path, "the times in 'time_s' are not evenly spaced.")
+    uneven = not len(step_s) or not np.isfinite(step_s).all() or np.ptp(step_s) > 0.02 * np.median(step_s)
+    if uneven or np.median(step_s) <= 0.0:
+        do = "State `fps:` for it in data/sources.yaml, or correct the times."
+        return None, FileError(path, "the times in 'time_s' do not increase in even steps.", do)
     timed = float(1.0 / np.mean(step_s))
     if commented is not None and abs(commented - timed) > MAX_RATE_ERROR * timed:
         problem = f"its comment states {commented:g} Hz, and its times 'time_s' are {timed:g} Hz apart."
-        raise FileError(path, problem, "Remove or correct one of them.")
-    return commented or timed
+        return None, FileError(path, problem, "Remove or correct one of them, or state `fps:` in data/sources.yaml.")
+    return commented or timed, None
 
 
 def _quaternion_columns(path: Path, header: list[str]) -> list[int]:

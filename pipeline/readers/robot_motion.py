@@ -54,6 +54,8 @@ class RobotMotion:
     """Names of the columns of `joint_pos`; None where the file has none."""
     fps: float | None
     """As the file declares [Hz]."""
+    rate_fault: FileError | None = None
+    """What is wrong with the file's own rate, where it has none that can be one."""
     body_pos_w: Float[np.ndarray, "t b 3"] | None = None
     """World positions of bodies in any order [m], to check the joints' order with."""
     rate_by_velocity: VelocityRate | None = None
@@ -78,7 +80,7 @@ def to_robot_clip(
     path = motion.path
     robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names)
     refuse_pose(path, len(motion.joint_pos))
-    rate = frame_rate(path, fps, statement)
+    rate = frame_rate(path, fps, statement, motion.rate_fault)
     check_unit(path, motion.root_quat, "the root's quaternion")
     if float(np.nanmax(np.abs(motion.joint_pos), initial=0.0)) > MAX_ANGLE:
         joint = robot.joint_names[int(np.nanargmax(np.nanmax(np.abs(motion.joint_pos[:, columns]), axis=0)))]

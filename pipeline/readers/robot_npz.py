@@ -161,9 +161,8 @@ def read_gmr(arrays: ArrayFile) -> RobotMotion:
     root_pos = arrays.numbers(position, None, 3)
     if not len(root_pos):
         raise FileError(arrays.path, "the file has no frames.")
-    joint_pos = arrays.array(joints)
-    if joint_pos.ndim == 3 and joint_pos.shape[2] == 1:
-        joint_pos = joint_pos[:, :, 0]
+    if len(arrays.shapes.get(joints, ())) == 3:  # ASAP's
+        joint_pos = arrays.numbers(joints, len(root_pos), None, 1)[:, :, 0]
     else:
         joint_pos = arrays.numbers(joints, len(root_pos), None)
     order = str(arrays.array("root_rot_order")) if arrays.has("root_rot_order") else None

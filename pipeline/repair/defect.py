@@ -70,8 +70,9 @@ class Findings:
 
     def with_more(self, defects: list[Defect]) -> "Findings":
         """These findings and others, as findings of their own."""
-        result = Findings(frame_count=self.frame_count)
-        result.add([*self.defects, *defects])
+        result = Findings(frame_count=self.frame_count, defects=[*self.defects])
+        result.lost_pos, result.lost_rot = self.lost_pos.copy(), self.lost_rot.copy()
+        result.add(defects)
         return result
 
     @property

@@ -37,8 +37,11 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
     swapped = find_swapped(seen.pos_w, clip.fps)
     if swapped:
         findings.add(swapped)
-        pos_w, quat_w = swap_back(clip, swapped)
+        pos_w, quat_w = swap_back(clip.body_pos_w, swapped), swap_back(clip.body_quat_w, swapped)
         clip = dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
+        findings.lost_pos, findings.lost_rot = (
+            swap_back(lost, swapped) for lost in (findings.lost_pos, findings.lost_rot)
+        )
         seen = _bridged(clip, findings)
     for find in (_frozen_and_shaking, _broken_bones):
         found = find(clip, seen, findings, settings)

@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Bool
 
-from pipeline.clips.human_clip import BODIES, PARENT, HumanClip
+from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.repair.defect import Defect, spans
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import CHILDREN, LIMB_ENDS, BodyMask, FrameMask, Orientations, Positions, bone_lengths
+from pipeline.repair.tree import CHILDREN, LIMB_ENDS, BodyMask, FrameMask, Positions, bone_lengths
 
 SMALLEST_CHANGE = 0.01
 """A change of length that is always allowed [m]: 5 % of a foot is less than marker noise."""
@@ -78,18 +78,16 @@ def find_swapped(pos_w: Positions, fps: float) -> list[Defect]:
     return defects
 
 
-def swap_back(clip: HumanClip, defects: list[Defect]) -> tuple[Positions, Orientations]:
-    """Positions and orientations with the exchanged sides put right."""
-    pos_w, quat_w = clip.body_pos_w.copy(), clip.body_quat_w.copy()
+def swap_back(values: np.ndarray, defects: list[Defect]) -> np.ndarray:
+    """Values (t, 19, ...) of the bodies, such as positions or a mask of lost ones, with exchanged sides put right."""
+    result = values.copy()
     for defect in defects:
         if defect.code == "swapped_sides":
             half = len(defect.bodies) // 2
             there = list(defect.bodies)
             back = there[half:] + there[:half]
-            span = slice(defect.start, defect.stop)
-            pos_w[span, there] = pos_w[span, back]
-            quat_w[span, there] = quat_w[span, back]
-    return pos_w, quat_w
+            result[defect.start : defect.stop, there] = values[defect.start : defect.stop, back]
+    return result
 
 
 def _exchanged(left_w: np.ndarray, right_w: np.ndarray, fps: float) -> list[tuple[int, int]]:

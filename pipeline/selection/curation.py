@@ -9,10 +9,7 @@ last key and its block is replaced as a whole; all other settings are read befor
 """
 
 import dataclasses
-import fcntl
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -147,7 +144,7 @@ def decide(path: Path, new: Sequence[Decision]) -> tuple[Decision, ...]:
 
     Raises SettingsError for a file that can't be read, FileError when it can't be written; it is unchanged then.
     """
-    with _only_writer(path):
+    with atomic.only_writer(path):
         names = {each.clip for each in new}
         kept = [each for each in read_decisions(path) if each.clip not in names]
         return _write(path, (*kept, *new))
@@ -155,7 +152,7 @@ def decide(path: Path, new: Sequence[Decision]) -> tuple[Decision, ...]:
 
 def take_back(path: Path, clips: Sequence[str]) -> tuple[Decision, ...]:
     """Remove the decisions on some clips; those that are left. Raises FileError for a clip without a decision."""
-    with _only_writer(path):
+    with atomic.only_writer(path):
         there = read_decisions(path)
         strange = sorted(set(clips) - {each.clip for each in there})
         if strange:
@@ -192,14 +189,3 @@ def _without_block(text: str) -> str:
             if line != REMARK:
                 kept.append(line)
     return "".join(kept)
-
-
-@contextmanager
-def _only_writer(path: Path) -> Iterator[None]:
-    """Keep other writers of the file waiting."""
-    handle = os.open(path.parent, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)

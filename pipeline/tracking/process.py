@@ -173,6 +173,7 @@ def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot)
     references = [clip.cut(stretch.start, stretch.stop, clip.name) for stretch in stretches]
     parts = [tracking_error(each.clip, own, robot) for each, own in zip(stretches, references, strict=True)]
     body, joint, path = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint", "path"))
+    frames = np.concatenate([np.arange(each.start, each.stop) for each in stretches])
     first = stretches[0]
     longest = max(range(len(stretches)), key=lambda index: references[index].frame_count)
     return {
@@ -183,7 +184,7 @@ def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot)
         "joint_error_rad": float(joint.mean()),
         "path_error_m": float(path.mean()),
         "worst_body_error_m": float(body.max()),
-        "worst_at_s": float(np.argmax(body)) / CONTROL_HZ,
+        "worst_at_s": float(frames[np.argmax(body)]) / CONTROL_HZ,
     }
 
 

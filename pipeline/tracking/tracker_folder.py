@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FileError
-from pipeline.files import atomic, digest, settings
+from pipeline.files import digest, settings
 from pipeline.files.csv_json import read_json
+from pipeline.files.swap import replace_folder
 from pipeline.tracking.bundle import CONFIG, TrackingBundle
 
 SCHEMA = "booster-lab tracker 1"
@@ -56,7 +57,7 @@ def read_card(folder: Path) -> TrackerCard:
 def write_tracker_folder(
     folder: Path, run: Path, iterations: int, bundle: TrackingBundle, figures: dict[str, float], made: dict[str, str]
 ) -> TrackerCard:
-    """Copy network and curves of a training run to `folder` and write its card.
+    """Replace `folder` by network and curves of a training run and their card; a reader finds the old one or the new.
 
     Args:
         run: folder of the run; its `tracker.npz` is the network after `iterations`
@@ -82,9 +83,11 @@ def write_tracker_folder(
         "iterations": iterations,
         "minutes": round(float(last["seconds"]) / 60.0, 1),
     }
-    atomic.write_bytes(folder / NETWORK, (run / NETWORK).read_bytes())
-    atomic.write_bytes(folder / CURVES, "".join(f"{row}\n" for row in (head, *rows)).encode())
-    files = {name: digest.of_file(folder / name) for name in (NETWORK, CURVES)}
+    contents = {
+        NETWORK: (run / NETWORK).read_bytes(),
+        CURVES: "".join(f"{row}\n" for row in (head, *rows)).encode(),
+    }
+    files = {name: digest.of_bytes(content) for name, content in contents.items()}
     card = TrackerCard(
         robot=bundle.about["robot"],
         clips=bundle.motions.names,
@@ -93,6 +96,11 @@ def write_tracker_folder(
         figures=figures,
         files=files,
     )
-    text = json.dumps({"schema": SCHEMA, **vars(card)}, indent=1, sort_keys=True) + "\n"
-    atomic.write_bytes(folder / CARD, text.encode())
+    contents[CARD] = (json.dumps({"schema": SCHEMA, **vars(card)}, indent=1, sort_keys=True) + "\n").encode()
+
+    def fill(part: Path) -> None:
+        for name, content in contents.items():
+            (part / name).write_bytes(content)
+
+    replace_folder(folder, fill)
     return card

@@ -1,6 +1,7 @@
 """Approving: a proposal by its digest, sections that add up, and taking back, which never happens by the way."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -179,3 +180,12 @@ def test_approving_what_was_declined_lets_it_take_effect(project):
     approve_proposal(project.feedback, digest, "another", sections=("weights",))
     page = page_of(project, proposal(report(1, failure())))
     assert "weights" not in {change.section for change in page.declined}
+
+
+def test_answers_at_the_same_time_are_all_kept(project):
+    digest = propose_into(project, *two_falls())
+    for _ in range(10):
+        with ThreadPoolExecutor(len(PARTS)) as pool:
+            list(pool.map(lambda part: approve_proposal(project.feedback, digest, "me", sections=(part,)), PARTS))
+        assert sections(project) == set(PARTS)
+        project.feedback.approved.unlink()

@@ -1,5 +1,6 @@
 """The graph as it is meant: keys, lineage, checks. A key misspelt would silently become an external stub."""
 
+import shutil
 from typing import Any
 
 import dagster as dg
@@ -11,7 +12,7 @@ from assets.plan import EXPORTS, Plan, group_of, plans, robot_plans
 from assets.report import robot_asset
 from assets.robot_motions import robot_assets
 from pipeline.batch import Manifest
-from pipeline.project import PROJECT
+from pipeline.project import PROJECT, Project
 
 LINEAGE = {
     "raw_motions": set(),
@@ -168,10 +169,6 @@ def test_topological_order_puts_parents_first():
 
 @pytest.mark.parametrize("name", ["motion_catalog", "actuator_calibration", "feasible_motions"])
 def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, tmp_path, root):
-    import shutil
-
-    from pipeline.project import Project
-
     for folder in ("data", "robots"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
     project = Project(tmp_path)
@@ -204,12 +201,10 @@ def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(fil
     """Of the limits KP5 alone; of the commands also the feedback that is told in their cells."""
     import copy
     import dataclasses
-    import shutil
 
     import yaml
 
     from pipeline.files.settings import read_yaml
-    from pipeline.project import Project
 
     for folder in ("data", "robots"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
@@ -240,3 +235,30 @@ def test_below_kp5_lie_the_database_and_what_is_made_of_it_alone():
         below |= new
         todo += new
     assert below == {"expert_db", *EXPORTS.values(), *POLICY}
+
+
+@pytest.fixture
+def copied(root, tmp_path) -> Project:
+    """A project with the robots and settings of this one."""
+    for folder in ("data", "robots"):
+        ignored = shutil.ignore_patterns("motions", "policies", "store", ".dagster")
+        shutil.copytree(root / folder, tmp_path / folder, ignore=ignored)
+    return Project(tmp_path)
+
+
+def test_what_is_asked_of_all_robots_follows_each_robots_folder(copied):
+    asked = [plan for plan in plans(copied).values() if plan.every_robot]
+    assert {plan.name for plan in asked} == {"motion_catalog", "hardware_trials", "failure_modes"}
+    before = [plan.fingerprint(copied) for plan in asked]
+    aliases = copied.robot_folder("k1") / "joints.csv"
+    aliases.write_text(aliases.read_text() + "\n")
+    assert not set(before) & {plan.fingerprint(copied) for plan in asked}
+
+
+def test_failures_follow_the_policies_at_hand(copied):
+    (failures,) = (plan for plan in plans(copied).values() if plan.policies_at_hand)
+    before = failures.fingerprint(copied)
+    policy = copied.shipped_policies("k1") / "walk" / "policy.npz"
+    policy.parent.mkdir(parents=True)
+    policy.write_bytes(b"a policy")
+    assert failures.fingerprint(copied) != before

@@ -71,3 +71,9 @@ def test_what_was_said_of_the_clip_is_mirrored():
         "skill": "side_right",
         "source": "left/right",
     }
+
+
+def test_numbers_of_one_side_go_to_the_other():
+    said = {"contact_share_left": 0.7, "contact_share_right": 0.5, "heading_rad": 0.3, "origin_y_m": 2.0}
+    mirrored = {"contact_share_left": 0.5, "contact_share_right": 0.7, "heading_rad": -0.3, "origin_y_m": -2.0}
+    assert mirror_numbers(said) == mirrored and mirror_numbers(mirrored) == said

@@ -13,6 +13,7 @@ from pipeline.project import Project
 NAMES = {"torch": "torch", "onnx": "onnx", "onnxruntime": "onnxruntime", "dartpy": "dartpy", "mjlab": "mjlab"}
 NAMES |= {"rsl_rl": "rsl-rl-lib", "mujoco_warp": "mujoco-warp", "warp": "warp-lang", "mujoco": "mujoco"}
 NAMES |= {"scipy": "scipy", "placo": "placo", "pinocchio": "pin", "pyarrow": "pyarrow", "pandas": "pandas"}
+NAMES |= {"c3d": "c3d", "mcap": "mcap", "rosbags": "rosbags", "lz4": "lz4", "zstandard": "zstandard"}
 """Libraries that compute answers: how they are imported -> how they are installed."""
 
 TRACKED = ("tracking_policy", "augmented_motions", "expert_db")
@@ -37,6 +38,7 @@ def versions(root: Path, changed: str, monkeypatch: pytest.MonkeyPatch) -> dict[
         ("torch", {"amp_policy", "exported_policy", "release_report", *TRACKED}),
         ("onnx", {"amp_policy", "exported_policy", "release_report"}),
         ("mjlab", {"amp_policy", *TRACKED}),
+        ("c3d", {"motion_catalog"}),
         ("a library of nobody", set()),
     ],
 )

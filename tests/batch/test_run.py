@@ -124,6 +124,31 @@ def test_a_failing_clip_is_rejected_with_its_reason_and_the_rest_goes_on(store):
     assert bad.numbers["seconds_in"] == pytest.approx(6 / 50.0)
 
 
+def uneven(clip, numbers):
+    """A stage that makes a clip which cannot be encoded."""
+    broken = dataclasses.replace(clip)
+    object.__setattr__(broken, "joint_pos", clip.joint_pos[:2] if clip.name == "broken" else clip.joint_pos)
+    return Outcome(pieces=(Piece(clip=broken, numbers={}),))
+
+
+def test_a_clip_that_can_not_be_encoded_is_a_fault_of_the_stage_and_the_rest_goes_on(store):
+    uneven_stage = dataclasses.replace(stage(), function=uneven)
+    found = run_stage(uneven_stage, manifest_of(store, ["a", "broken"]), store, POOL, LOG)
+    reasons = {row.clip: [(each["code"], each["text"]) for each in row.reasons] for row in found.judged}
+    ((code, text),) = reasons["broken"]
+    assert reasons["a"] == [] and code == "failed" and text.startswith("clip 'broken': the stage failed with")
+
+
+def test_a_disk_that_refuses_stops_the_run(store, monkeypatch):
+    def full(clip):
+        raise FileError(store.root, "could not be written (no space left).")
+
+    before = manifest_of(store, ["a"])
+    monkeypatch.setattr(Store, "put_clip", lambda self, clip: full(clip))
+    with pytest.raises(FileError, match="no space left"):
+        run_stage(stage(add=1.0), before, store, POOL, LOG)
+
+
 def test_a_fault_of_the_stage_is_tried_again_a_verdict_is_not(store):
     before = manifest_of(store, ["fault", "lame", "bad"])
     run_stage(stage(), before, store, POOL, LOG)

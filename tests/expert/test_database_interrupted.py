@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FileError
-from pipeline.expert import read_database, swap, write_database
+from pipeline.expert import read_database, write_database
+from pipeline.files import swap
 from pipeline.robot import Robot
 from tests.factories.database_entries import bytes_of, entries_of
 

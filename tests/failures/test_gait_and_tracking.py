@@ -60,16 +60,24 @@ def test_a_command_that_changes_is_not_held_against_the_walk(signals):
 
 
 @pytest.mark.parametrize("late", [0, 10, 25])
-def test_a_delay_of_the_targets_is_found_to_the_sample(standing, robot, late):
+@pytest.mark.parametrize("gap", [0, 17])
+def test_a_delay_of_the_targets_is_found_to_the_sample(standing, robot, late, gap):
     trial = dataclasses.replace(standing)
     moves = 0.1 * np.sin(2.0 * np.pi * 1.3 * trial.time_s + np.arange(len(trial.joint_names))[:, None]).T
     target = (trial.target_pos * 0.0 + moves).astype(np.float32)
     earlier = np.maximum(np.arange(len(target)) - late, 0)
     torque = trial.kp * (target[earlier] - trial.joint_pos) - trial.kd * trial.joint_vel
+    torque[1000 : 1000 + gap] = np.nan  # samples that the log lost
     signals = signals_of(dataclasses.replace(trial, target_pos=target, torque_est=0.8 * torque), robot)
     delay, gain = delay_and_gain(signals, FAILURES.tracking, signals.at(1.0), signals.at(5.0))
     assert delay == pytest.approx(late / trial.rate_hz, abs=1e-9)
     assert gain == pytest.approx(0.8, rel=1e-3)
+
+
+def test_without_a_sample_that_is_known_there_is_no_delay(standing, robot):
+    lost = dataclasses.replace(standing, torque_est=np.full_like(standing.torque_est, np.nan))
+    signals = signals_of(lost, robot)
+    assert delay_and_gain(signals, FAILURES.tracking, signals.at(1.0), signals.at(5.0)) == (0.0, 1.0)
 
 
 def test_a_log_that_does_not_say_what_was_asked_is_not_held_against_it(standing, robot, actuators):

@@ -206,6 +206,23 @@ def test_the_content_of_a_clip_is_all_that_it_is_read_from(tmp_path):
     assert len(seen) == 9, "a file that is stated and gone is a change too"
 
 
+def test_the_buffers_beside_a_gltf_are_of_its_content(tmp_path):
+    path, buffer = tmp_path / "a.gltf", tmp_path / "a.bin"
+    path.write_text(
+        '{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin"}, {"uri": "../b.bin"}, {"uri": "c.bin"}]}'
+    )
+    source = Source(name="mine", folder=tmp_path, statement=Statement())
+    seen = {content_digest(path, source)}
+    for content in (b"1", b"2"):
+        buffer.write_bytes(content)
+        seen.add(content_digest(path, source))
+    (tmp_path / "unnamed.bin").write_bytes(b"1")
+    seen.add(content_digest(path, source))
+    assert len(seen) == 3
+    path.write_text("no JSON")
+    assert content_digest(path, source) not in seen
+
+
 def test_a_broken_sidecar_is_noted_with_file_and_line_where_its_licence_would_count(tmp_path):
     (tmp_path / "a.bvh").touch()
     (source,) = sources_of_environment(str(tmp_path))

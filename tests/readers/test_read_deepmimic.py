@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import FileError
-from pipeline.readers import read_motion
+from pipeline.readers import Statement, read_motion
 from tests.factories import motion_files as files
 
 RIGHT_KNEE, LEFT_ELBOW = 1 + 3 + 4 + 4 + 4 + 4, 43
@@ -79,3 +79,11 @@ def test_what_is_no_json_is_refused(tmp_path, text):
     path.write_text(text)
     with pytest.raises(FileError, match="not DeepMimic JSON"):
         read_motion(path, "clip")
+
+
+@pytest.mark.parametrize("frame_s", [0.0, 2.0])
+def test_a_rate_that_the_durations_do_not_give_can_be_stated(tmp_path, frame_s):
+    path = files.write_deepmimic(tmp_path / "clip.txt", files.deepmimic(frame_s=frame_s))
+    with pytest.raises(FileError, match=r"State `fps:` for it in data/sources\.yaml"):
+        read_motion(path, "clip")
+    assert read_motion(path, "clip", Statement(fps=40.0)).clip.fps == 40.0

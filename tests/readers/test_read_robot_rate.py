@@ -13,6 +13,7 @@ from tests.factories.robot_files import (
     amp_robot,
     assert_truth,
     csv_rows,
+    gmr_npz,
     npz,
     qpos_npz,
     truth,
@@ -131,3 +132,25 @@ def test_a_comment_whose_rate_is_not_that_of_the_times_is_refused(tmp_path):
     assert read_motion(write_csv(tmp_path / "a.csv", rows, header, "# fps: 50"), "clip").clip.fps == 50.0
     with pytest.raises(FileError, match=r"its comment states 30 Hz, and its times 'time_s' are 50 Hz apart"):
         read_motion(write_csv(tmp_path / "b.csv", rows, header, "# fps: 30"), "clip")
+
+
+@pytest.mark.parametrize("step_s", [0.0, -0.02, np.nan])
+def test_times_that_do_not_increase_are_refused_unless_the_rate_is_stated(tmp_path, step_s):
+    times = np.arange(FRAMES)[:, None] * step_s
+    path = write_csv(tmp_path / "a.csv", np.concatenate([times, csv_rows()], axis=1), ["time_s", *HEADER])
+    with pytest.raises(FileError, match=r"'time_s' do not increase in even steps\. State `fps:`"):
+        read_motion(path, "clip")
+    assert read_motion(path, "clip", Statement(fps=50.0)).clip.fps == 50.0
+
+
+def test_joints_in_asaps_shape_are_as_many_as_the_roots_frames(tmp_path):
+    joints = truth()[2][:, :, None]
+    path = gmr_npz(tmp_path / "a.npz", dof_pos=joints)
+    assert_truth(read_motion(path, "clip", Statement(fps=50.0)).clip)
+    for lost in (np.concatenate([joints, joints]), joints[1:]):
+        gmr_npz(path, dof_pos=lost)
+        with pytest.raises(FileError, match=f"'dof_pos' is of float64 with shape {len(lost)}"):
+            read_motion(path, "clip", Statement(fps=50.0))
+    joints = joints.copy()
+    joints[3, 5] = np.inf
+    assert np.isnan(read_motion(gmr_npz(path, dof_pos=joints), "clip").clip.joint_pos[3]).sum() == 1

@@ -201,6 +201,18 @@ def test_swapped_sides_are_put_right(settings):
     assert np.abs(in_source_world(outcome).body_pos_w - clip.body_pos_w).max() < 0.02
 
 
+@pytest.mark.parametrize("lost", [1, 4])
+def test_samples_that_are_missing_while_sides_are_exchanged_are_filled(settings, lost):
+    clip = walker(fps=60.0)
+    planted = plant("swapped_sides", clip, np.random.default_rng(1), seconds=0.7)
+    pos = planted.clip.body_pos_w.copy()
+    middle = (planted.start + planted.stop) // 2
+    pos[middle : middle + lost, body("left_wrist")] = np.nan
+    outcome = process(dataclasses.replace(planted.clip, body_pos_w=pos), {}, settings=settings)
+    assert codes(outcome, "repaired") == {"swapped_sides", "missing"}
+    assert np.abs(in_source_world(outcome).body_pos_w - clip.body_pos_w).max() < 0.02
+
+
 def test_defect_outside_the_window_is_not_told_and_does_not_matter(settings):
     def drop(pos, quat):
         pos[20:80] = np.nan

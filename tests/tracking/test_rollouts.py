@@ -2,6 +2,8 @@
 
 import csv
 import dataclasses
+import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,13 +19,23 @@ from pipeline.files import settings
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.tracking.bundle import CONFIG, read_tracking_bundle
 from pipeline.tracking.disturbance import draw
-from pipeline.tracking.process import NOT_TRACKED, Setup, disturbed_count, disturbed_motion, motion_to_failure, process
+from pipeline.tracking.process import (
+    NOT_TRACKED,
+    Setup,
+    _figures,
+    disturbed_count,
+    disturbed_motion,
+    motion_to_failure,
+    process,
+)
+from pipeline.tracking.rollout import TrackedStretch
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker import load_tracker
-from pipeline.tracking.tracker_folder import CARD, CURVES, NETWORK, read_card
+from pipeline.tracking.tracker_folder import CARD, CURVES, NETWORK, read_card, write_tracker_folder
 from tests.factories.robot_clips import standing
-from tests.factories.tracking_bundle import tracker_file
+from tests.factories.tracking_bundle import tracker_file, tracking_bundle
 
 
 @pytest.fixture(scope="module")
@@ -195,3 +207,36 @@ def test_a_changed_file_of_a_tracker_is_refused(root: Path, tmp_path: Path):
     (tmp_path / CURVES).write_text("iteration\n")
     with pytest.raises(FileError, match=r"curves\.csv: is missing or not the file of its card"):
         read_card(tmp_path)
+
+
+def test_the_worst_moment_is_a_time_of_the_reference_though_a_failure_lies_before_it(robot: Robot):
+    clip = standing(robot, seconds=4.0)
+    first, second = clip.cut(0, 50, "a"), clip.cut(100, 200, "a")
+    second.root_pos_w[30] += 0.2  # at 2.6 s
+    stretches = (
+        TrackedStretch(start=0, stop=50, clip=first, failed="it fell"),
+        TrackedStretch(start=100, stop=200, clip=second, failed=""),
+    )
+    assert _figures(clip, stretches, robot)["worst_at_s"] == pytest.approx(2.6)
+
+
+def test_a_tracker_folder_is_replaced_as_a_whole(
+    root: Path, tmp_path: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    shipped, folder, run = root / "robots" / "t1" / "policies" / "tracker", tmp_path / "tracker", tmp_path / "run"
+    shutil.copytree(shipped, folder)
+    run.mkdir()
+    (run / NETWORK).write_bytes(b"another network")
+    (run / CURVES).write_text("iteration,seconds\n1,60.0\n")
+    facts = {"seed": 1, "num_envs": 8, "processes": 1, "device": "cpu", "versions": {}, "bundle_digest": "d"}
+    (run / CONFIG).write_text(json.dumps(facts))
+    bundle = read_tracking_bundle(tracking_bundle(tmp_path, root, robot))
+    before = read_card(folder)
+    with monkeypatch.context() as patch:
+        patch.setattr(json, "dumps", lambda *_, **__: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            write_tracker_folder(folder, run, 1, bundle, {}, {})
+    assert read_card(folder) == before, "a writer that dies leaves the folder as it was"
+    (folder / NETWORK).write_bytes(b"damaged")
+    write_tracker_folder(folder, run, 1, bundle, {}, {})
+    assert read_card(folder).clips == ("test/a", "test/b")

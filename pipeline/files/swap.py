@@ -13,25 +13,10 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from pipeline.errors import FileError
 from pipeline.files import atomic
-from pipeline.files.ranges import SHARE, Range
-from pipeline.files.sourced import Unit
-
-
-@dataclass(frozen=True, kw_only=True)
-class DatabaseSettings:
-    """`data/database.yaml`."""
-
-    max_lost_share: Annotated[float, SHARE, Unit("share")]
-    """Largest share of the clips, or of the seconds, of the database in place that a new one may lack."""
-    kept_versions: Annotated[int, Range(1, 1000)]
-    """Earlier versions that are kept."""
-
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
