@@ -8,7 +8,7 @@ from pipeline.cli.arguments import Database, Export, Sources, Store
 from pipeline.cli.text_table import text_table
 from pipeline.curation_page.compare_databases import versions
 from pipeline.dataset_export import export_database
-from pipeline.dataset_export.export import CARD, LEROBOT
+from pipeline.dataset_export.export import CARD
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert import history, manifest
 from pipeline.files.csv_json import read_json
@@ -83,8 +83,8 @@ def export(args: Export) -> int:
         raise FileError(args.database, "it is not a folder.", "Make the database: dagster asset materialize.")
     if args.out.resolve().is_relative_to(current(args.database).resolve()):
         raise FileError(args.out, "it is in the database, whose files have digests.", "Name another folder.")
-    if args.format == LEROBOT and any(args.out.glob("*")):
-        raise FileError(args.out, "it is not empty; a LeRobot data set is written as a whole.", "Name another folder.")
+    if any(args.out.glob("*")):
+        raise FileError(args.out, "it is not empty; an export is written as a whole.", "Name an empty folder.")
     written = export_database(args.database, args.format, find_project().robot, args.out, args.skill, args.naming)
     print(f"{written} clips and {CARD} in {args.out}")
     return 0

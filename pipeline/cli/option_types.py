@@ -37,6 +37,13 @@ def integer(what: str, low: int, high: int) -> Callable[[str], int]:
     return read
 
 
+def positive(text: str) -> float:
+    value = float(text)
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{text} is not a number above 0")
+    return value
+
+
 def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
     def read(text: str) -> tuple[float, ...]:
         values = tuple(float(part) for part in text.split(","))

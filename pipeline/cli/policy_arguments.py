@@ -19,6 +19,7 @@ from pipeline.cli.option_types import (
     integer,
     numbers,
     option,
+    positive,
 )
 
 Waypoint = Annotated[tuple[float, float, float, float], option("T,F,L,Y", numbers(4))]
@@ -149,7 +150,7 @@ class SimulateRobot:
     """joint targets over time instead of a policy"""
     command: UseAppendAction[tuple[Waypoint, ...]] = ()
     """from T [s] on the command is F, L [m/s] and Y [rad/s]; may be repeated (negative: --command=...)"""
-    seconds: float = 10.0
+    seconds: Annotated[float, option("S", positive)] = 10.0
     """length of the log [s]"""
     seed: int = 0
     """seed of the noise"""

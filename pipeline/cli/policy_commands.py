@@ -68,12 +68,19 @@ def robot_folder(project: Project, name: str) -> Path:
 
 def deployed_policy(robot: Path, policy: Path, ankle_kd: float | None) -> Deployed:
     """A policy on the robot of a folder, its ankles damped with `ankle_kd` [N m s/rad] where that is given."""
-    one = deployed(robot, policy_of(policy, robot))
+    found = policy_of(policy, robot)
+    try:
+        one = deployed(robot, found)
+    except PipelineError as error:
+        problem = f"it is not a policy of the robot in {robot}: {error}"
+        raise FileError(policy, problem, "Name the policy's robot with --robot.") from error
     return one if ankle_kd is None else with_ankle_kd(one, ankle_kd)
 
 
 def policy_of(path: Path, robot: Path) -> Policy:
     """The policy of an npz or of an exported policy's folder. Raises FileError."""
+    if not path.exists():
+        raise FileError(path, "there is no such file or folder.", "Name an npz, or the folder of an exported policy.")
     if path.is_dir():
         if not (path / EXPORTED).is_file():
             raise FileError(path, f"it has no {EXPORTED}.", "Name an npz, or the folder of an exported policy.")

@@ -7,6 +7,7 @@ from typing import Any
 from pipeline.cli.arguments import Score
 from pipeline.cli.chain import Chain
 from pipeline.cli.text_table import name_values, text_table
+from pipeline.clips.codec import faults_of
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
@@ -23,6 +24,10 @@ def run(args: Score) -> int:
     clip = read_motion(args.csv, args.csv.stem, Statement(fps=args.fps)).clip
     if not isinstance(clip, RobotClip):
         raise FileError(args.csv, "it is a human's motion.", "Name the robot's first, the human's after --human.")
+    faults = faults_of(clip)
+    if faults:
+        do = "Write it again with a finite number for each joint of each frame."
+        raise FileError(args.csv, f"it can't be scored: {faults[0]}.", do)
     human = piece_of(Chain(project), args.human, Statement(**vars(args.statement)), clip)
     scored = score(human, clip, project.robot(clip.robot))
     facts = {

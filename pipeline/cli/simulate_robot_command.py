@@ -23,6 +23,8 @@ PUSH_S = 0.1
 
 def run(args: SimulateRobot) -> int:
     """Write the log."""
+    if args.out.suffix.lower() != ".mcap":
+        raise FileError(args.out, "the log is written as MCAP.", "Name a file that ends in .mcap.")
     project = find_project()
     robot = project.robot(args.robot)
     controller, policy = _controller(project, robot, args)

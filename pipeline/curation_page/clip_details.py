@@ -114,7 +114,7 @@ def _lineage(table: ClipTable, row: ClipRow) -> list[dict[str, Any]]:
 def ancestors(row: ClipRow) -> set[str]:
     """Names of the clip and of all that it was made from: every beginning of its name that ends before a mark."""
     names = {row.clip, *(row.clip[:place] for place, letter in enumerate(row.clip) if letter in "@+~")}
-    parents = {str(row.numbers[name]) for name in ("parent", "reference", "family") if row.numbers.get(name)}
+    parents = {str(row.numbers[name]) for name in ("parent", "reference") if row.numbers.get(name)}
     return names | parents
 
 

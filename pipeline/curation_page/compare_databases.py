@@ -11,8 +11,9 @@ from pipeline.files.csv_json import without_nan
 from pipeline.selection.curation import Decision, exclusions
 
 CURRENT = "current"
-COLUMNS = ("clip", "sha256", "seconds", "weight", "skill", "source")
+COLUMNS = ("clip", "file", "sha256", "seconds", "weight", "skill", "source")
 WEIGHT_TOLERANCE = 1e-9
+WEIGHT_LINE = b'"MotionWeight":'
 
 
 def versions(folder: Path) -> list[history.Version]:
@@ -38,7 +39,13 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
     excluded = exclusions(decisions)
     left = [{**old[clip], "why": _why_absent(clip, table, excluded)} for clip in sorted(old.keys() - new.keys())]
     both = sorted(old.keys() & new.keys())
-    changed = [clip for clip in both if old[clip]["sha256"] != new[clip]["sha256"]]
+    folders = (known[before].folder, known[after].folder)
+    changed = [
+        clip
+        for clip in both
+        if old[clip]["sha256"] != new[clip]["sha256"]
+        and not _differ_in_weight_alone(folders[0] / old[clip]["file"], folders[1] / new[clip]["file"])
+    ]
     moved = [clip for clip in both if abs(old[clip]["weight"] - new[clip]["weight"]) > WEIGHT_TOLERANCE]
     return {
         "before": _summary(known[before], old),
@@ -52,6 +59,15 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
         ],
         "weights_changed": len(moved),
     }
+
+
+def _differ_in_weight_alone(one: Path, other: Path) -> bool:
+    """Whether two files of a clip have the same lines but for the one of its weight. A file that is gone differs."""
+    try:
+        lines = zip(one.read_bytes().splitlines(), other.read_bytes().splitlines(), strict=True)
+        return all(a == b or (a.startswith(WEIGHT_LINE) and b.startswith(WEIGHT_LINE)) for a, b in lines)
+    except (OSError, ValueError):
+        return False
 
 
 def _why_absent(clip: str, table: ClipTable, excluded: Mapping[str, Decision]) -> str:

@@ -29,6 +29,8 @@ def main(arguments: list[str]) -> int:
 def _export(given: argparse.Namespace) -> ModelCard:
     robot, rng = load_robot(given.robot), np.random.default_rng(0)
     robot = robot.in_naming(given.naming) if given.naming else robot
+    if not given.run.is_dir():
+        raise ExportError(f"{given.run}: there is no such folder. Name the folder of a training run.")
     if (given.run / FILE).is_file():
         return complete_export(given.run, given.out, robot, rng)
     if given.name is None:

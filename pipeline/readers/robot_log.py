@@ -37,9 +37,11 @@ def read_robot_log(path: Path) -> RobotMotion:
         raise FileError(path, f"its robot '{trial.robot}' is none of this project's.", "Add its folder to robots/.")
     seconds, whole = (stop - start) / trial.rate_hz, sum(each.seconds for each in trials)
     text = (
-        f"{seconds:.1f} of {whole:.1f} s of the log are taken, the longest stretch in which the robot is up; its path "
-        f"is from leg odometry, and the log is {'of a simulated' if trial.simulated else 'of a real'} robot."
+        f"{seconds:.1f} of {whole:.1f} s of the log are taken, the longest stretch in which the robot is up and "
+        f"recorded without a gap; its path is from leg odometry, and the log is of a "
+        f"{'simulated' if trial.simulated else 'real'} robot."
     )
+    heard = dict.fromkeys(note for each in trials for note in each.notes)
     step = max(round(trial.rate_hz / RATE_HZ), 1)
     frames = slice(start, stop, step)
     joint_pos = trial.joint_pos[frames]
@@ -53,7 +55,10 @@ def read_robot_log(path: Path) -> RobotMotion:
         joint_pos=joint_pos,
         joint_names=robot.joint_names,
         fps=trial.rate_hz / step,
-        notes=(Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s"),),
+        notes=(
+            Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s"),
+            *(Reason(code="log_note", text=note, effect="noted") for note in heard),
+        ),
     )
 
 

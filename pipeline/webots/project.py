@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.deployment import DeploymentTask, Policy, save_policy
-from pipeline.errors import PipelineError
+from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
@@ -26,6 +26,7 @@ from pipeline.webots.vrml import Node, Scene, node, to_text
 TIMESTEPS_MS = (1.0, 5.0)
 """Allowed `basicTimeStep` [ms]: 1 as in Booster's own world, 5 as in training."""
 FLOOR = "floor"
+README = "README.md"
 ERP, CFM = 0.2, 1e-5
 SOFT_ERP, SOFT_CFM = 0.2, 1e-3
 """Webots' defaults, stated explicitly: error reduction and softness of a contact."""
@@ -116,14 +117,15 @@ def write_project(
         policy: the policy that walks; None: the robot stands in its default pose
         settings: timestep, friction and commands
 
-    Raises FileError if a file can't be written.
+    Raises FileError if a file can't be written, or if one is there that is not of an earlier project.
     """
     robot = build_robot(source)
     project = Project(folder=folder, robot=robot.name)
+    foreign = [path for path in (folder / README, project.world) if path.exists()]
+    if foreign and not project.controller.is_dir():
+        problem = "it is there, and the folder has no project of Booster Lab."
+        raise FileError(foreign[0], problem, "Name an empty folder.")
     world = robot_world(robot, settings.timestep_ms, settings.friction)
-    atomic.write_text(folder / "protos" / f"{proto_name(robot)}.proto", to_text(robot_proto(source, robot)))
-    atomic.write_text(project.world, to_text(world))
-    atomic.write_text(folder / "README.md", _readme(project))
     home = project.controller
     atomic.write_text(home / PROGRAM.name, PROGRAM.read_text(encoding="utf-8"))
     for name, path in needed_modules().items():
@@ -135,6 +137,9 @@ def write_project(
         (home / "policy.npz").unlink(missing_ok=True)
     else:
         save_policy(home / "policy.npz", policy)
+    atomic.write_text(folder / "protos" / f"{proto_name(robot)}.proto", to_text(robot_proto(source, robot)))
+    atomic.write_text(project.world, to_text(world))
+    atomic.write_text(folder / README, _readme(project))
     return project
 
 

@@ -92,3 +92,14 @@ def test_all_stages_of_motions_run_and_of_the_rest_what_is_stale_and_needed(inst
 def test_another_robot_s_stages_run_where_it_has_a_database(instance, monkeypatch):
     instance.report_runless_asset_event(dg.AssetMaterialization(asset_key=robot_plans("k1")["expert_db"].key))
     assert worked_on(instance, monkeypatch, []) == motions_of("t1") | motions_of("k1")
+
+
+def test_a_run_that_is_launched_by_the_tag_of_no_source_works_on_nothing(instance, monkeypatch):
+    note_sources(instance, ["walks"])
+    monkeypatch.setattr(source_jobs, "work_again", lambda *_: pytest.fail("it works"))
+    tags = {"dagster/partition": "nowhere"}
+    done = rerun_source.execute_in_process(
+        instance=instance, tags=tags, resources={"io_manager": object()}, raise_on_error=False
+    )
+    (failed,) = (each for each in done.all_events if each.is_step_failure)
+    assert "there is no source 'nowhere'; there are: walks." in str(failed.event_specific_data)

@@ -237,3 +237,14 @@ def test_what_can_not_be_exported_is_told(database, tmp_path, capsys, arguments,
     filled = [each.format(db=database, out=tmp_path / "out") for each in arguments]
     assert main(["export", *filled]) == 1
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["gmr", "mjlab", "lerobot"])
+def test_a_folder_that_holds_something_is_not_written_into(database, tmp_path, capsys, kind):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "README.md").write_text("mine")
+    assert main(["export", str(database), "--format", kind, "--out", str(out)]) == 1
+    assert "it is not empty; an export is written as a whole" in capsys.readouterr().err
+    assert [path.name for path in out.iterdir()] == ["README.md"]
+    assert (out / "README.md").read_text() == "mine"

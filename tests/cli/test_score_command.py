@@ -116,3 +116,13 @@ def test_a_robot_in_another_world_than_the_humans_is_refused(csv, walk, tmp_path
     (tmp_path / "away.csv").write_text(encode_csv(away, {}))
     assert main(["score", str(tmp_path / "away.csv"), "--human", str(walk)]) == 1
     assert "the robot faces 115 degrees away" in capsys.readouterr().err
+
+
+def test_a_motion_with_a_number_that_is_missing_is_refused_with_its_frame(csv, walk, tmp_path, capsys):
+    rows = csv.read_text().splitlines()
+    rows[6] = ",".join([*rows[6].split(",")[:-1], "nan"])
+    broken = tmp_path / "broken.csv"
+    broken.write_text("\n".join(rows) + "\n")
+    assert main(["score", str(broken), "--human", str(walk)]) == 1
+    said = capsys.readouterr().err
+    assert "broken.csv: it can't be scored: frame 0: joint_pos is not finite" in said

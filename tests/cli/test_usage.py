@@ -33,6 +33,7 @@ HEAVY = ("numpy", "torch", "mujoco", "pandas", "scipy", "dagster", "pinocchio", 
         (["simulate-robot", "o.mcap", "--command", "1,2"], "'1,2' is not 4 numbers with commas between"),
         (["simulate-robot", "o.mcap", "--push", "1,2,inf"], "'1,2,inf' is not 3 numbers with commas between"),
         (["simulate-robot", "o.mcap", "--weaker", "Waist=0"], "'Waist=0' is not JOINT=NUMBER"),
+        (["simulate-robot", "o.mcap", "--seconds", "-1"], "-1 is not a number above 0"),
         (["database", "remove"], "restore"),
     ],
 )

@@ -60,3 +60,14 @@ def test_a_webots_that_breaks_could_not_be_done(
     assert main(["webots-project", "--out", str(tmp_path / "project"), "--run", "webots"]) == 1
     said = capsys.readouterr().out
     assert "Webots: failed to run: crashed, it ended with status 4: no licence" in said
+
+
+def test_files_that_are_not_of_a_project_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    mine = tmp_path / "README.md"
+    mine.write_text("mine")
+    assert main(["webots-project", "--out", str(tmp_path)]) == 1
+    assert "README.md: it is there, and the folder has no project" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"] and mine.read_text() == "mine"
+    mine.unlink()
+    for _ in range(2):
+        assert main(["webots-project", "--out", str(tmp_path)]) == 0

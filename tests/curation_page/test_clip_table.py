@@ -1,9 +1,11 @@
 """The gallery's rows: every clip once, where it ended and why, with the motions that show it."""
 
+import dataclasses
+
 import pytest
 
 from pipeline.batch import Store
-from pipeline.curation_page.clip_details import clip_details
+from pipeline.curation_page.clip_details import ancestors, clip_details
 from pipeline.curation_page.clip_table import read_table
 from pipeline.curation_page.columns import columns
 from pipeline.curation_page.motion_sources import MotionSources
@@ -93,5 +95,9 @@ def test_details_say_what_each_stage_did_and_where_the_pieces_are(table):
     assert stages["motion_catalog"] == made.RECORDING and stages["retargeted_motions"] == made.WINDOW
     assert stages["feasible_motions"] == made.CUT
     assert clip_details(table, None, (), "t1", made.SKATING)["starts_s"] == 0.0
+    kept = table.row(made.KEPT)
+    assert kept is not None
+    related = dataclasses.replace(kept, numbers={**kept.numbers, "family": made.SKATING})
+    assert ancestors(related) == ancestors(kept), "its family is no ancestor"
     with pytest.raises(PipelineError, match="there is no clip 'nobody'"):
         clip_details(table, None, (), "t1", "nobody")

@@ -63,6 +63,18 @@ def test_leg_odometry_of_a_crouch_sinks_and_turns_with_the_heading(robot: Robot)
     np.testing.assert_allclose(turned, rotation.rotate(rotation.about_z(1.0), root), atol=1e-12)
 
 
+def test_a_log_that_lost_a_part_says_so(tmp_path: Path):
+    whole = (ROOT / "data" / "hardware_logs" / "demo" / "held.mcap").read_bytes()
+    damaged = bytearray(whole)
+    damaged[len(whole) // 2] ^= 0x55
+    path = tmp_path / "held.mcap"
+    path.write_bytes(damaged)
+    notes = {each.code: each.text for each in read_motion(path, "logs/held").notes}
+    assert "lost: a chunk with a wrong checksum" in notes["log_note"]
+    path.write_bytes(whole)
+    assert "log_note" not in {each.code for each in read_motion(path, "logs/held").notes}
+
+
 def test_a_damaged_log_is_refused_by_name(tmp_path: Path):
     path = tmp_path / "broken.mcap"
     path.write_bytes(b"\x89MCAP0\r\n nothing")

@@ -11,7 +11,7 @@ from pipeline.cli import policy_commands
 from pipeline.cli.main import main
 from pipeline.deployment import deployment_task, save_policy
 from pipeline.files import atomic
-from pipeline.robot import Robot
+from pipeline.robot import Robot, load_robot
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings, read_validation
 from pipeline.validation.suites import named
 from tests.factories.policies import linear_policy, still_policy
@@ -158,7 +158,9 @@ def test_a_damping_that_cannot_be_is_one_sentence(
     ("name", "match"),
     [
         ("none.npz", "there is no such file"),
+        ("nowhere", "there is no such file or folder"),
         ("policy.pt", "it is no npz"),
+        ("k1.npz", "k1.npz: it is not a policy of the robot in"),
         ("text.npz", "is no npz of numbers"),
         ("small.npz", "the policy has 4 observations and 21 actions; robot 't1' takes 720 and 21"),
         ("folder", "it has no policy.npz"),
@@ -177,6 +179,7 @@ def test_what_is_no_policy_of_the_robot_is_one_sentence(
     atomic.write_text(tmp_path / "text.npz", "no numbers")
     save_policy(tmp_path / "small.npz", linear_policy(np.zeros((21, 4))))
     (tmp_path / "folder").mkdir()
+    save_policy(tmp_path / "k1.npz", still_policy(deployment_task(load_robot("k1"))))
     assert main(["validate", str(tmp_path / name), "--workers", "1"]) == 1
     said = capsys.readouterr().err
     assert match in said
