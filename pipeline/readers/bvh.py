@@ -133,7 +133,7 @@ def read_bvh(path: Path) -> RawMotion:
     offsets = np.array([joint.offset for joint in joints], dtype=float)
     frames, rate, lines = _read_motion_header(path, lines)
     columns = sum(len(joint.channels) for joint in joints)
-    check_numbers(path, frames, columns)
+    check_numbers(path, frames.count, columns)
     values = read_table(path, lines, text.line_count, columns)
     return RawMotion(
         format="bvh",
@@ -184,6 +184,13 @@ def _checked(header: _Header, line: int) -> list[_Joint]:
     return header.joints
 
 
+class _Frames(NamedTuple):
+    """Number of frames as declared, and the line that declares it."""
+
+    count: int
+    line: int
+
+
 class _Rate(NamedTuple):
     """Frames per second as declared [Hz], or what is wrong with it."""
 
@@ -192,7 +199,9 @@ class _Rate(NamedTuple):
     notes: tuple[Reason, ...] = ()
 
 
-def _read_motion_header(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[int, _Rate, Iterator[tuple[int, str]]]:
+def _read_motion_header(
+    path: Path, lines: Iterator[tuple[int, str]]
+) -> tuple[_Frames, _Rate, Iterator[tuple[int, str]]]:
     """Declared number of frames and rate, and the lines that follow."""
     found: dict[str, tuple[str, int]] = {}
     expected, number, rest = "MOTION is followed by 'Frames:' and 'Frame Time:'.", 0, lines
@@ -214,10 +223,11 @@ def _read_motion_header(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[i
     count = read_number(path, *found["frames"], "Frames")
     if count != int(count) or not 0 <= count <= MAX_FRAMES:
         raise FileError(path, f"Frames is {found['frames'][0]}, wanted 1 to {MAX_FRAMES}.", line=found["frames"][1])
+    frames = _Frames(int(count), found["frames"][1])
     do = "Correct it, or state `fps:` for the file."
     if "frame time" not in found:
         fault = FileError(path, f"there is no Frame Time. {expected}", do, number)
-        return int(count), _Rate(fault=fault), rest
+        return frames, _Rate(fault=fault), rest
     printed, line = found["frame time"]
     try:
         frame_time_s = to_float(printed)
@@ -225,19 +235,20 @@ def _read_motion_header(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[i
         frame_time_s = np.nan
     if not 1e-4 <= frame_time_s <= 1.0:
         fault = FileError(path, f"Frame Time is '{printed[:40]}', wanted 0.0001 to 1 s.", do, line)
-        return int(count), _Rate(fault=fault), rest
+        return frames, _Rate(fault=fault), rest
     fps, notes = printed_rate(printed)
-    return int(count), _Rate(fps=fps, notes=notes), rest
+    return frames, _Rate(fps=fps, notes=notes), rest
 
 
-def _frame_count(path: Path, declared: int, rows: int) -> tuple[Reason, ...]:
+def _frame_count(path: Path, declared: _Frames, rows: int) -> tuple[Reason, ...]:
     """A note where more rows than declared were read. Raises FileError for fewer, and for none."""
-    if rows < declared:
-        problem = f"the header declares {declared} frames, the file holds {rows}."
-        raise FileError(path, problem, "It was cut off or edited; export it again.", 1)
+    if rows < declared.count:
+        problem = f"the header declares {declared.count} frames, the file holds {rows}."
+        raise FileError(path, problem, "It was cut off or edited; export it again.", declared.line)
     if rows == 0:
-        raise FileError(path, "the file has no frames.", line=1)
-    if rows == declared:
+        raise FileError(path, "the file has no frames.", line=declared.line)
+    if rows == declared.count:
         return ()
-    text = f"the header declares {declared} frames, the file holds {rows} whole rows; all of them are read"
-    return (Reason(code="frame_count", text=text, effect="noted", value=float(rows), limit=float(declared)),)
+    text = f"the header declares {declared.count} frames, the file holds {rows} whole rows; all of them are read"
+    limit = float(declared.count)
+    return (Reason(code="frame_count", text=text, effect="noted", value=float(rows), limit=limit),)

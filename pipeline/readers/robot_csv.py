@@ -1,8 +1,8 @@
-"""Robot trajectories as CSV: root xyz, root quaternion, then the joints [rad].
+"""Robot trajectories as CSV: root xyz, root quaternion and joints [rad].
 
-With a header (as `booster-lab retarget` writes) or without (as booster_assets and the retargeted LAFAN1 set publish,
-quaternion xyzw; wxyz is inferred from the kinematics). The rate is stated by a first line `# fps: 50`, a column
-`time_s`, or in data/sources.yaml.
+With a header (as `booster-lab retarget` writes) columns are found by name; without one (as booster_assets and the
+retargeted LAFAN1 set publish) the root is first, its quaternion xyzw (wxyz is inferred from the kinematics). The rate
+is stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml.
 """
 
 import itertools
@@ -17,6 +17,9 @@ from pipeline.readers.robot_motion import RobotMotion
 from pipeline.readers.text_file import open_text, read_table, to_float
 
 ROOT = 7
+"""Columns of the root, the first ones where the file has no header."""
+POSITION = ("root_x", "root_y", "root_z")
+QUATERNION = ("quat_w", "quat_x", "quat_y", "quat_z")
 MOST_COMMENTS = 1000
 """Lines of comments that are searched for the rate."""
 MAX_RATE_ERROR = 0.02
@@ -28,16 +31,16 @@ def read_robot_csv(path: Path) -> RobotMotion:
     text = open_text(path)
     comments: list[str] = []
     lines = enumerate(_without_comments(text.lines(), comments), start=1)
-    first = next(((number, line) for number, line in lines if line.strip()), None)
-    cells = [] if first is None else [cell.strip() for cell in first[1].split(",")]
-    header = cells if first is not None and not _is_number(cells[0]) else None
-    if header is not None:
-        first = next(((number, line) for number, line in lines if line.strip()), None)
+    filled = ((number, line) for number, line in lines if line.strip())
+    top, line = next(filled, (1, ""))
+    cells = [cell.strip() for cell in line.split(",")]
+    header = None if _is_number(cells[0]) else cells
+    first = (top, line) if header is None else next(filled, None)
     if first is None:
         raise FileError(path, "the file has no frames.")
     width = len(cells)
     if width <= ROOT:
-        raise FileError(path, f"a row has {width} columns, wanted root xyz, quaternion xyzw and the joints.", line=1)
+        raise FileError(path, f"a row has {width} columns, wanted root xyz, quaternion xyzw and the joints.", line=top)
     values = read_table(path, itertools.chain([first], lines), text.line_count, width, comma=True)
     rates = (re.fullmatch(r"\s*#\s*fps\s*[:=]\s*([0-9.eE+-]+)\s*", comment) for comment in comments)
     fps = next((float(rate.group(1)) for rate in rates if rate and _is_number(rate.group(1))), None)
@@ -46,16 +49,17 @@ def read_robot_csv(path: Path) -> RobotMotion:
         fps, rate_fault = _rate(path, values[:, header.index("time_s")], fps)
         values = np.delete(values, header.index("time_s"), axis=1)
         header = [name for name in header if name != "time_s"]
-    columns = [3, 4, 5, 6] if header is None else _quaternion_columns(path, header)
+    root = list(range(ROOT)) if header is None else _root_columns(path, header, top)
+    joints = [column for column in range(values.shape[1]) if column not in root]
     return RobotMotion(
         format="robot_csv",
         path=path,
-        root_pos_w=values[:, :3],
-        root_quat=values[:, columns],
+        root_pos_w=values[:, root[:3]],
+        root_quat=values[:, root[3:]],
         quat_order="xyzw" if header is None else "wxyz",
         order_is_certain=header is not None,
-        joint_pos=values[:, ROOT:],
-        joint_names=tuple(header[ROOT:]) if header is not None else None,
+        joint_pos=values[:, joints],
+        joint_names=tuple(header[column] for column in joints) if header is not None else None,
         fps=fps,
         rate_fault=rate_fault,
     )
@@ -92,11 +96,21 @@ def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> tuple[floa
     return commented or timed, None
 
 
-def _quaternion_columns(path: Path, header: list[str]) -> list[int]:
-    """Columns of the root's quaternion in the order wxyz, by name."""
-    letters = [name[-1:].lower() for name in header[:ROOT]]
-    if letters[:3] != ["x", "y", "z"] or sorted(letters[3:]) != ["w", "x", "y", "z"]:
-        got = ", ".join(header[:ROOT])[:120]
-        do = "Name them root_x, root_y, root_z, quat_x, quat_y, quat_z, quat_w."
-        raise FileError(path, f"the first seven columns are {got}.", do, line=1)
-    return [3 + letters[3:].index(letter) for letter in "wxyz"]
+def _root_columns(path: Path, header: list[str], line: int) -> list[int]:
+    """Columns of the root's position and of its quaternion wxyz. Raises FileError with the names that are missing."""
+    columns = {**_columns(header, POSITION, range(3)), **_columns(header, QUATERNION, range(3, ROOT))}
+    missing = [name for name in (*POSITION, *QUATERNION) if name not in columns]
+    if missing:
+        do = f"Name the root's columns {', '.join((*POSITION, *QUATERNION))}, in any order."
+        raise FileError(path, f"the header has no column {', '.join(missing)}.", do, line)
+    return [columns[name] for name in (*POSITION, *QUATERNION)]
+
+
+def _columns(header: list[str], names: tuple[str, ...], usual: range) -> dict[str, int]:
+    """Columns of the names in a header. Where it has none of them, the usual columns may have other names that differ
+    in their last letter alone, such as `qw` or `root_rot_w`."""
+    found = [name.lower() for name in header]
+    columns = {name: found.index(name) for name in names if name in found}
+    letters = {found[column][-1:]: column for column in usual}
+    alike = len({found[column][:-1] for column in usual}) == 1 and set(letters) == {name[-1] for name in names}
+    return {name: letters[name[-1]] for name in names} if alike and not columns else columns

@@ -20,12 +20,40 @@ def test_joints_and_quaternion_are_found_by_name(tmp_path):
     assert_truth(read_motion(path, "clip").clip)
 
 
+def test_the_columns_of_the_root_may_be_anywhere(tmp_path):
+    pick = [12, 6, 2, 29, 0, *range(7, 12), 5, *range(13, 29), 4, 3, 1]
+    path = write_csv(tmp_path / "clip.csv", csv_rows()[:, pick], [HEADER[index] for index in pick], "# fps: 50")
+    assert_truth(read_motion(path, "clip").clip)
+
+
+@pytest.mark.parametrize("root", ["root_x root_y root_z qx qy qz qw", "X Y Z rot.x rot.y rot.z rot.w"])
+def test_other_names_of_the_root_are_known_by_their_last_letters(tmp_path, root):
+    path = write_csv(tmp_path / "clip.csv", csv_rows(), [*root.split(), *HEADER[7:]], "# fps: 50")
+    assert_truth(read_motion(path, "clip").clip)
+
+
+@pytest.mark.parametrize("header", [HEADER[:3], ["a", *HEADER[1:]]])
+def test_a_fault_of_the_header_has_the_line_of_the_header(tmp_path, header):
+    path = write_csv(tmp_path / "clip.csv", csv_rows(), header, "# fps: 50\n\n# made by hand\n# today\n")
+    with pytest.raises(FileError) as caught:
+        read_motion(path, "clip")
+    assert caught.value.line == 6
+
+
 @pytest.mark.parametrize(
     ("change", "match"),
     [
         (lambda rows, header: (rows[:, :29], header[:29]), "missing: Right_Ankle_Roll"),
         (lambda rows, header: (rows, [*header[:29], "Tail"]), "missing: Right_Ankle_Roll; extra: Tail"),
-        (lambda rows, header: (rows, ["a", *header[1:]]), "the first seven columns are a, root_y"),
+        (lambda rows, header: (rows, ["a", *header[1:]]), r"clip\.csv, line 2: the header has no column root_x\."),
+        (
+            lambda rows, header: (np.delete(rows, 6, axis=1), [*header[:6], *header[7:]]),
+            r"the header has no column quat_w\.",
+        ),
+        (
+            lambda rows, header: (np.delete(rows, 3, axis=1), ["x", "y", "z", "qy", "qz", "qw", *header[7:]]),
+            "no column quat_w",
+        ),
         (lambda rows, header: (rows[:0], header), "no frames"),
         (lambda rows, header: (rows[:1], header), "1 frame"),
         (lambda rows, header: (rows * np.r_[np.ones(7), np.full(23, 57.3)], header), "Convert degrees to radians"),

@@ -66,6 +66,13 @@ def test_a_damaged_header_is_refused_with_its_line(tmp_path, old, new, match):
     assert error.line is not None
 
 
+@pytest.mark.parametrize("rows", [0, 3])
+def test_frames_that_are_missing_are_told_with_the_line_that_declares_them(tmp_path, rows):
+    head, number = GOOD.split("\n")[:-5], line_of(GOOD, "Frames: 4")
+    text = "\n".join([*head, *ROWS[:rows]]).replace("Frames: 4", f"Frames: {4 if rows else 0}")
+    refuse(tmp_path, text, "the file holds 3" if rows else "no frames", line=number)
+
+
 def test_more_numbers_than_allowed_are_refused_before_they_are_read(tmp_path):
     refuse(tmp_path, GOOD.replace("Frames: 4", "Frames: 1999999"), "1999999 frames of 66 numbers are more than")
 
