@@ -139,7 +139,7 @@ def _contradicted(clip: HumanClip | RobotClip, time_base: TimeBase, rate_is_stat
     seen = " and ".join(clock.text for clock in (time_base.gravity, time_base.gait) if clock is not None)
     text = f"at {clip.fps:g} Hz {seen}"
     if rate_is_stated:
-        effect, then = "noted", "the rate is stated in data/sources.yaml and stays"
+        effect, then = "noted", "the stated rate stays"
     elif not time_base.certain:
         effect, then = "noted", "that is not enough to call the rate wrong"
     elif time_base.fps is not None:

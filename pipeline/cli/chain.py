@@ -1,7 +1,9 @@
 """One file or clip through the stages, outside of the graph: read and corrected, repaired, retargeted."""
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +25,27 @@ from pipeline.retarget.process import onto_robot
 from pipeline.robot import Robot
 from pipeline.selection import TRANSITION, Curation
 from pipeline.selection import process as select
+
+OPTIONS = {key: f"--{key}" for key in ("unit", "up", "skeleton", "asf", "quaternion")} | {"fps": "--source-fps"}
+"""Key of data/sources.yaml -> the option that states it for one command."""
+
+
+def with_options(advice: str, options: Mapping[str, str] = OPTIONS) -> str:
+    """Advice and, after the keys of data/sources.yaml that it names, the options that state them."""
+    keys = dict.fromkeys(re.findall(r"`(\w+):", advice))
+    named = ", ".join(options[key] for key in keys if key in options)
+    return f"{advice.rstrip('.')}. For this command alone: {named}." if named else advice
+
+
+@contextlib.contextmanager
+def naming_options(options: Mapping[str, str] = OPTIONS) -> Iterator[None]:
+    """Name the options in the FileErrors of readers, which know data/sources.yaml alone."""
+    try:
+        yield
+    except FileError as error:
+        error.do = with_options(error.do, options)
+        error.args = (with_options(str(error), options),)
+        raise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +72,8 @@ class Chain:
         path = path.resolve()
         source = self.project.source_of(path, stated)
         within = path.relative_to(source.folder).with_suffix("").as_posix()
-        motion = read_motion(path, f"{source.name}/{within}", source.statement_of(path))
+        with naming_options():
+            motion = read_motion(path, f"{source.name}/{within}", source.statement_of(path))
         motion = dataclasses.replace(motion, notes=(*motion.notes, *source.notes_of(path)))
         return FileRead(path=path, source=source, motion=motion)
 

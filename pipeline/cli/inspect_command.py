@@ -1,19 +1,20 @@
 """`booster-lab inspect IN`: what a motion file is and what is wrong with it; KP5's verdict on a clip."""
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pipeline.cli.arguments import Inspect
 from pipeline.cli.chain import Chain
 from pipeline.cli.stored_clips import as_text as judgement_text
-from pipeline.cli.stored_clips import clip_of, judged
+from pipeline.cli.stored_clips import clip_of, judged, rejected
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.errors import FileError, PipelineError
 from pipeline.files.csv_json import without_nan
-from pipeline.project import find_project
+from pipeline.project import Project, find_project
 from pipeline.quality.planar_motion import leg_length
 from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES
@@ -80,9 +81,9 @@ def run(args: Inspect) -> int:
         print(written_map(args.input, stated.skeleton), end="")
         return 0
     if _is_clip(args.input):
-        name = clip_of(args.input) if args.input.is_file() else str(args.input)
-        rows = judged(chain.project, name, args.robot)
-        print(_json(rows) if args.json else judgement_text(rows))
+        stored_clip(
+            chain.project, clip_of(args.input) if args.input.is_file() else str(args.input), args.robot, args.json
+        )
         return 0
     if args.input.is_dir():
         folder(args.input, chain, stated, args.json)
@@ -97,6 +98,20 @@ def _is_clip(path: Path) -> bool:
     if path.exists():
         return path.is_file() and path.suffix.lower() == ".json"
     return path.suffix.lower() not in SUFFIXES
+
+
+def stored_clip(project: Project, name: str, robot: str, as_json: bool) -> None:
+    """Every criterion of a clip; of one that was rejected before it had any, the stage and its reasons."""
+    rows = judged(project, name, robot)
+    if rows:
+        print(_json(rows) if as_json else judgement_text(rows))
+        return
+    ended = rejected(project, name, robot)
+    if as_json:
+        print(_json([{key: vars(each)[key] for key in ("clip", "stage", "verdict", "reasons")} for each in ended]))
+        return
+    parts = [f"{each.clip}: {each.verdict} by {each.stage}\n{_reasons(each.reasons)}" for each in ended]
+    print("\n\n".join(parts))
 
 
 def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
@@ -146,10 +161,14 @@ def as_text(found: dict[str, Any]) -> str:
     header = ["from [s]", "to [s]", "skill", "forward [m/s]", "left [m/s]", "turning left [rad/s]"]
     rows = [[window[name] for name in ("start_s", "stop_s", *WINDOW_NUMBERS)] for window in found["windows"]]
     windows = text_table(header, rows, indent="  ") if rows else "  none"
-    header = ["effect", "from [s]", "to [s]", "reason", "what"]
-    rows = [[each.get(name) for name in ("effect", "start_s", "stop_s", "code", "text")] for each in found["reasons"]]
-    findings = f"found\n{text_table(header, rows, indent='  ')}" if rows else "found: nothing wrong"
+    findings = f"found\n{_reasons(found['reasons'])}" if found["reasons"] else "found: nothing wrong"
     return "\n\n".join([name_values(facts), f"windows of one skill\n{windows}", findings])
+
+
+def _reasons(reasons: Sequence[Mapping[str, Any]]) -> str:
+    header = ["effect", "from [s]", "to [s]", "reason", "what"]
+    rows = [[each.get(name) for name in ("effect", "start_s", "stop_s", "code", "text")] for each in reasons]
+    return text_table(header, rows, indent="  ")
 
 
 def _json(value: Any) -> str:

@@ -3,6 +3,7 @@
 import importlib
 import importlib.metadata
 import inspect
+import os
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, Union
@@ -55,7 +56,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(stop.code or 0)
     try:
         module, function = COMMANDS[words[0]][1].split(":")
-        return getattr(importlib.import_module(f"pipeline.cli.{module}"), function)(parsed)
+        code = getattr(importlib.import_module(f"pipeline.cli.{module}"), function)(parsed)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # whoever reads the output has enough of it, such as `head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more when it ends
+        return 141
     except (PipelineError, OSError) as error:
         print(f"booster-lab: {' '.join(str(error).split())}", file=sys.stderr)
         return 1

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.cli.arguments import Retarget
-from pipeline.cli.chain import Chain, reason_line
+from pipeline.cli.chain import Chain, reason_line, with_options
 from pipeline.clips.outcome import Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
@@ -71,7 +71,7 @@ def run(args: Retarget) -> int:
     clips = [dataclasses.replace(clip.resampled(args.fps), joint_names=named.joint_names) for clip in made]
     if not clips:
         why = " ".join(reason.text for reason in done.reasons if reason.effect == "rejected")
-        raise FileError(args.input, f"nothing of it can be retargeted. {why or 'No frames are left.'}")
+        raise FileError(args.input, "nothing of it can be retargeted.", with_options(why or "No frames are left."))
     longest = max(range(len(clips)), key=lambda index: (clips[index].frame_count, -index))
     ordered = [clips[longest], *clips[:longest], *clips[longest + 1 :]]
     paths = [args.out, *(args.out.with_suffix(f".{n}.csv") for n in range(1, len(ordered)))]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.cli.arguments import Score
-from pipeline.cli.chain import Chain
+from pipeline.cli.chain import Chain, naming_options
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.codec import faults_of
 from pipeline.clips.human_clip import HumanClip
@@ -21,7 +21,8 @@ from pipeline.scoring.align import same_length
 def run(args: Score) -> int:
     """Print the figures."""
     project = find_project()
-    clip = read_motion(args.csv, args.csv.stem, Statement(fps=args.fps)).clip
+    with naming_options({"fps": "--fps"}):
+        clip = read_motion(args.csv, args.csv.stem, Statement(fps=args.fps)).clip
     if not isinstance(clip, RobotClip):
         raise FileError(args.csv, "it is a human's motion.", "Name the robot's first, the human's after --human.")
     faults = faults_of(clip)

@@ -99,19 +99,31 @@ def judged(project: Project, name: str, robot: str) -> list[Row]:
     """Rows of the table of criteria: of the clip of that name, of the one that was kept under it, or of all clips made
     from it (`name@…`, `name~…`, `name/…`). What is no number is None.
 
-    Raises PipelineError with the names that come near, FileError where nothing was judged yet.
+    Raises FileError where nothing was judged yet.
     """
     rows = _rows(project, robot)
     for column in ("clip", "piece"):
         own = [row for row in rows if row[column] == name]
         if own:
             return own
-    stem = name.rstrip(MARKS)
-    made = [row for row in rows if any(row["clip"].startswith(stem + mark) for mark in MARKS)]
-    if not made:
-        names = sorted({row[column] for row in rows for column in ("clip", "piece")} - {""})
-        raise PipelineError(f"'{name}' is neither a file nor a clip that was judged; near it are: {_near(name, names)}")
-    return made
+    return [row for row in rows if _made_from(row["clip"], name)]
+
+
+def rejected(project: Project, name: str, robot: str) -> list[ClipRow]:
+    """Where the clip of that name, or each clip made from it, ended before it had criteria.
+
+    Raises PipelineError with the names that come near.
+    """
+    rows = read_table(project.store, robot).rows
+    found = [row for row in rows if row.clip == name or _made_from(row.clip, name)]
+    if not found:
+        near = _near(name, sorted({each for row in rows for each in (row.clip, *row.pieces)}))
+        raise PipelineError(f"'{name}' is neither a file nor a clip that was judged; near it are: {near}")
+    return found
+
+
+def _made_from(clip: str, name: str) -> bool:
+    return any(clip.startswith(name.rstrip(MARKS) + mark) for mark in MARKS)
 
 
 def clip_of(database_file: Path) -> str:

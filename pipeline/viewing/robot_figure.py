@@ -66,7 +66,8 @@ _KIND = {
 def robot_figure(clip: RobotClip, robot: Robot, name: str = "") -> Figure:
     """The figure of a robot clip by the robot's kinematics. Raises ClipError where the joints are not the robot's."""
     if clip.joint_names != robot.joint_names:
-        raise ClipError(clip.name, "joints", f"its joints are not those of the robot '{robot.name}', in its order.")
+        do = "" if clip.robot == robot.name else f" It is for the robot '{clip.robot}': add --robot {clip.robot}."
+        raise ClipError(clip.name, "joints", f"its joints are not those of the robot '{robot.name}', in its order.{do}")
     parts = robot_parts(robot)
     link = [robot.link(part.name) for part in parts]
     poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)

@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.cli.main import main
 from pipeline.readers import read_motion
+from tests.factories.robot_files import csv_rows, qpos_npz, write_csv
 
 INSPECTION_KEYS = {
     "file": str,
@@ -173,8 +174,15 @@ def test_view_writes_a_picture(walk, tmp_path, capsys):
         (["inspect", "{tmp}/empty"], "there is no motion file in it"),
         (["inspect", "--unit", "parsec", "{walk}"], "'parsec' is not a unit"),
         (["inspect", "--unit", "m", "{walk}"], "with the stated unit 'm' a leg is"),
+        (["inspect", "--unit", "m", "{walk}"], "`unit:` in data/sources.yaml. For this command alone: --unit."),
+        (["inspect", "{tmp}/rows.csv"], "data/sources.yaml. For this command alone: --source-fps."),
+        (["score", "{tmp}/rows.csv", "--human", "{walk}"], "data/sources.yaml. For this command alone: --fps."),
         (["inspect", "--skeleton", "octopus", "{walk}"], "octopus"),
         (["retarget", "{tmp}/none.bvh", "--out", "{tmp}/o.csv"], "the file does not exist"),
+        (
+            ["retarget", "{tmp}/odd.npz", "--out", "{tmp}/o.csv"],
+            "as `fps:` in data/sources.yaml. For this command alone: --source-fps.",
+        ),
         (["retarget", "{walk}", "--out", "{tmp}/o.bvh"], "ends in .csv"),
         (["retarget", "{walk}", "--robot", "k9", "--out", "{tmp}/o.csv"], "unknown robot 'k9'; there are: k1, t1"),
         (["view", "{tmp}"], "it is a folder"),
@@ -186,6 +194,8 @@ def test_an_error_is_one_sentence_on_stderr_and_exit_code_1(walk, tmp_path, caps
     (tmp_path / "empty").mkdir()
     (tmp_path / "notes.doc").write_text("hello")
     (tmp_path / "other.json").write_text("{}")
+    write_csv(tmp_path / "rows.csv", csv_rows())
+    qpos_npz(tmp_path / "odd.npz", 80.0, frequency=np.array(64.0))
     assert main([each.format(tmp=tmp_path, walk=walk) for each in arguments]) == 1
     said = capsys.readouterr()
     assert said.out == ""

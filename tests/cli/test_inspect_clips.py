@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
+from pipeline.batch import ClipPool, Entry, Judged, Manifest, Stage, Store, run_stage
 from pipeline.cli.main import main
 from pipeline.feasibility import FeasibilitySettings, criteria_table, process
 from pipeline.feasibility.criterion import codes
@@ -35,6 +35,13 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.Monkey
     manifest, table = criteria_table.split(made, origins(settings.read_yaml(root / "data" / "feasibility.yaml")))
     store.save("feasible_motions", manifest)
     criteria_table.write(criteria_table.path_beside(store.manifest_path("feasible_motions")), table, manifest)
+    for stage, clip, code in (
+        ("motion_catalog", "mine/torn", "unreadable"),
+        ("repaired_motions", "mine/skate@0-99", "foot_skate"),
+    ):
+        why = {"code": code, "text": f"the {code} rule.", "effect": "rejected", "start_s": 0.5, "stop_s": 1.25}
+        fate = Judged(clip=clip, pieces=(), reasons=(why,), numbers={})
+        store.save(stage, Manifest(stage=stage, entries=(), judged=(fate,)))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -73,6 +80,23 @@ def test_a_recording_prints_a_line_a_clip_made_of_it(project: Path, capsys):
     assert lines[1].split()[1:] == ["2.00", "2.00", "nothing"]
     assert lines[3].split()[1:3] == ["2.00", "0.00"]
     assert "penetration_max" in lines[3]
+
+
+@pytest.mark.parametrize(
+    ("name", "clip", "stage", "code"),
+    [
+        ("mine/torn", "mine/torn", "motion_catalog", "unreadable"),
+        ("mine/skate", "mine/skate@0-99", "repaired_motions", "foot_skate"),
+    ],
+)
+def test_a_clip_that_an_earlier_stage_rejected_prints_stage_and_reasons(project: Path, capsys, name, clip, stage, code):
+    assert main(["inspect", name]) == 0
+    head, _, reason = capsys.readouterr().out.splitlines()
+    assert head == f"{clip}: rejected by {stage}"
+    assert reason.split() == ["rejected", "0.50", "1.25", code, "the", code, "rule."]
+    assert main(["inspect", "--json", name]) == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert (found["clip"], found["stage"], found["reasons"][0]["code"]) == (clip, stage, code)
 
 
 def test_a_file_of_the_database_is_the_clip_in_it(project: Path, capsys):

@@ -1,5 +1,6 @@
 """What is typed: help, version, typos, shell completion, and the values that options take."""
 
+import os
 import re
 import subprocess
 import sys
@@ -63,6 +64,16 @@ def test_help_and_typos_import_nothing_heavy(root: Path, words: list[str]):
     done = subprocess.run([sys.executable, "-c", program, *words], cwd=root, capture_output=True, text=True, check=True)
     imported = done.stdout.splitlines()[-1].split()
     assert "tyro" in imported and not set(HEAVY) & set(imported)
+
+
+def test_output_that_nobody_reads_any_more_ends_quietly(root: Path):
+    program = "import sys; from pipeline.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    reading, writing = os.pipe()
+    os.close(reading)
+    words = ["inspect", "data/motions/stand.bvh", "--write-map"]
+    done = subprocess.run([sys.executable, "-c", program, *words], cwd=root, stdout=writing, stderr=subprocess.PIPE)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (141, b"")
 
 
 def test_bash_completes_commands_and_options(root: Path, tmp_path: Path, capsys):

@@ -9,7 +9,7 @@ import pytest
 from pipeline import rotation
 from pipeline.clips.human_clip import body
 from pipeline.errors import ClipError
-from pipeline.robot import mujoco_model
+from pipeline.robot import load_robot, mujoco_model
 from pipeline.viewing.human_figure import BONES, human_figure, mirrored
 from pipeline.viewing.robot_figure import DRAWN_GROUP, robot_figure
 from tests.factories.figures import gliding_human, standing_robot, tumbling_robot
@@ -59,8 +59,13 @@ def test_the_soles_of_the_standing_robot_are_on_the_ground(robot):
 def test_a_clip_of_other_joints_is_refused(robot):
     clip = standing_robot(robot, frame_count=2)
     other = dataclasses.replace(clip, joint_names=clip.joint_names[::-1])
-    with pytest.raises(ClipError, match="its joints are not those of the robot 't1'"):
+    with pytest.raises(ClipError, match=r"its joints are not those of the robot 't1', in its order\.$"):
         robot_figure(other, robot)
+
+
+def test_a_clip_of_another_robot_is_refused_with_the_option_that_shows_it(robot):
+    with pytest.raises(ClipError, match=r"not those of the robot 't1', in its order\. .*: add --robot k1\.$"):
+        robot_figure(standing_robot(load_robot("k1"), frame_count=2), robot)
 
 
 def test_the_ends_of_a_humans_capsules_are_the_joints():
