@@ -1,4 +1,4 @@
-"""KP4's references: variants of the retargeted motions, of all clips or some skills, and which are worth tracking."""
+"""Variants of the retargeted motions (KP4), of all clips or some skills, and which are worth tracking (KP5)."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -99,7 +99,7 @@ def reference_motions(
     adapted_robot: Manifest,
     plan: Plan,
 ):
-    """KP4: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
+    """KP5: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
     from pipeline.viewing.contact_sheet import worst_clips
 
     stage, _, robot = feasibility_stage(plan, references_of(motion_variants))

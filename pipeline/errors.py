@@ -76,4 +76,5 @@ class UnknownNameError(PipelineError):
     """A name that is not in a list; lists what there is."""
 
     def __init__(self, kind: str, name: str, known: list[str] | tuple[str, ...]):
-        super().__init__(f"unknown {kind} '{name}'; there are: {', '.join(sorted(known))}")
+        there = f"there are: {', '.join(sorted(known))}" if known else "there are none"
+        super().__init__(f"unknown {kind} '{name}'; {there}")

@@ -79,7 +79,7 @@ class Retarget:
     """
 
     input: Annotated[Positional[Path], arg(metavar="IN")]
-    """motion file (.bvh, .npz, .amc, .txt, .csv)"""
+    """motion file (.amc, .bvh, .c3d, .csv, .glb, .gltf, .mcap, .npz, .pkl, .pt, .txt)"""
     out: Annotated[Path, arg(metavar="OUT.csv")]
     """where to write"""
     robot: RobotName = "t1"
@@ -181,7 +181,7 @@ class View:
 
     Plays a clip in the browser. CLIP is a motion file (repaired and retargeted first), a clip of the database
     (data/expert_db/t1/….json), or the name of a clip that the graph made, such as booster_lab/walk or
-    booster_lab/walk@0-300~mirror; with the name of a whole recording, every clip made from it can be chosen in the
+    booster_lab/walk@0-840~mirror; with the name of a whole recording, every clip made from it can be chosen in the
     browser. A rollout (…~rollout) plays beside the reference that it tracks; a robot log (.mcap) beside the simulation
     of the same command, with its failures. With --record a film is written instead, without a display.
     """

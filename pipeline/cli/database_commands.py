@@ -1,11 +1,13 @@
 """`booster-lab database`, `sources`, `export`, `store`: versions, sources of runs, other formats, size of the store."""
 
+import textwrap
 from pathlib import Path
 
 from pipeline.batch.collect import Part, collect
 from pipeline.batch.store import MOST_ASKINGS
 from pipeline.cli.arguments import Database, Export, Sources, Store
-from pipeline.cli.text_table import text_table
+from pipeline.cli.text_table import name_values, text_table
+from pipeline.curation_page.clip_table import DATABASE, asset_of
 from pipeline.curation_page.compare_databases import versions
 from pipeline.dataset_export import export_database
 from pipeline.dataset_export.export import CARD
@@ -13,7 +15,7 @@ from pipeline.errors import FileError, PipelineError
 from pipeline.expert import history, manifest
 from pipeline.files.csv_json import read_json
 from pipeline.files.swap import current
-from pipeline.project import Project, find_project
+from pipeline.project import DEFAULT_ROBOT, Project, find_project
 from pipeline.readers.remembered import forget, read_remembered
 
 
@@ -26,9 +28,7 @@ def database(args: Database) -> int:
             raise PipelineError("name the version to restore; there are those of: booster-lab database list")
         made = history.restore(folder, args.version)
         print(f"{folder}: {made.name} is in place, {made.clips} clips, {made.seconds:.1f} s.")
-        print(
-            "The next `dagster asset materialize --select expert_db` writes the database of the present sources again."
-        )
+        print(f"The next `{_making(args.robot)}` writes the database of the present sources again.")
         return 0
     if args.action == "summary":
         print(summary(folder, args.robot))
@@ -42,21 +42,32 @@ def database(args: Database) -> int:
 
 
 def summary(folder: Path, robot: str) -> str:
-    """What the database in place holds: clips, seconds, skills, where, and what to do next. Raises FileError."""
+    """What the database in place holds: clips, seconds, skills, where, and what to do next. Raises PipelineError."""
+    if not (folder / manifest.FILE).is_file():
+        raise PipelineError(f"there is no database of '{robot}' yet; make it with: {_making(robot)}")
     version = history.describe(folder, "current")
     seconds = read_json(folder / manifest.FILE)["seconds_by_skill"]
     skills = ", ".join(f"{skill} {value:.0f} s" for skill, value in seconds.items())
+    option = "" if robot == DEFAULT_ROBOT else f" --robot {robot}"
+    steps = {
+        f"booster-lab curate{option}": "watch, accept and exclude clips in the browser",
+        "dagster dev": "the graph and each stage's report: http://localhost:3000",
+        f"booster-lab play robots/{robot}/policies/walk{option}": "command the shipped policy",
+        "docs/sources.md": "bring your own recordings",
+    }
     return (
         f"\nThe expert database of the {robot} has {version.clips} clips, {version.seconds:.0f} s.\n"
         f"  skills   {skills}\n"
         f"  sources  {', '.join(f'{source} {clips}' for source, clips in version.by_source.items())}\n"
         f"  folder   {folder}\n\n"
         "Next, with the environment active (source .venv/bin/activate):\n"
-        "  booster-lab curate                          watch, accept and exclude clips in the browser\n"
-        "  dagster dev                                 the graph and each stage's report: http://localhost:3000\n"
-        "  booster-lab play robots/t1/policies/walk    command the shipped policy\n"
-        "  docs/sources.md                             bring your own recordings"
+        f"{textwrap.indent(name_values(steps), '  ')}"
     )
+
+
+def _making(robot: str) -> str:
+    """The command that makes a robot's database."""
+    return f"dagster asset materialize --select {asset_of(DATABASE, robot)}"
 
 
 def sources(args: Sources) -> int:
@@ -79,13 +90,15 @@ def sources(args: Sources) -> int:
 
 def export(args: Export) -> int:
     """Write the database's clips in another format and print how many."""
+    project, name = find_project(), args.database.name
     if not args.database.is_dir():
-        raise FileError(args.database, "it is not a folder.", "Make the database: dagster asset materialize.")
+        robot = name if name in project.robots else DEFAULT_ROBOT
+        raise FileError(args.database, "it is not a folder.", f"Make the database: {_making(robot)}")
     if args.out.resolve().is_relative_to(current(args.database).resolve()):
         raise FileError(args.out, "it is in the database, whose files have digests.", "Name another folder.")
     if any(args.out.glob("*")):
         raise FileError(args.out, "it is not empty; an export is written as a whole.", "Name an empty folder.")
-    written = export_database(args.database, args.format, find_project().robot, args.out, args.skill, args.naming)
+    written = export_database(args.database, args.format, project.robot, args.out, args.skill, args.naming)
     print(f"{written} clips and {CARD} in {args.out}")
     return 0
 

@@ -21,6 +21,12 @@ def option(metavar: str, read: Callable[[str], Any], choices: tuple[str, ...] | 
     )
 
 
+def file(text: str) -> Path:
+    if Path(text).is_dir():
+        raise ValueError(f"{text} is a folder, wanted a file")
+    return Path(text)
+
+
 def rate(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 1000.0:
@@ -77,7 +83,7 @@ def outage(text: str) -> tuple[float, float, tuple[str, ...]]:
 
 
 Text = Annotated[str | None, option("TEXT", str)]
-File = Annotated[Path | None, option("FILE", Path)]
+File = Annotated[Path | None, option("FILE", file)]
 Folder = Annotated[Path | None, option("FOLDER", Path)]
 Number = Annotated[float | None, option("NUMBER", float)]
 Hertz = Annotated[float, option("HZ", rate)]

@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline.cli.text_table import text_table
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.curation_page.clip_table import LAST, ClipRow, asset_of, read_table
+from pipeline.curation_page.clip_table import DATABASE, LAST, ClipRow, asset_of, read_table
 from pipeline.curation_page.motion_sources import MotionSources
 from pipeline.errors import FileError, PipelineError
 from pipeline.feasibility import criteria_table
@@ -40,7 +40,7 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     sources = MotionSources(table, pieces=True)
     known = sorted({*sources.human, *sources.robot})
     if not known:
-        do = "dagster asset materialize --select expert_db"
+        do = f"dagster asset materialize --select {asset_of(DATABASE, robot.name)}"
         raise PipelineError(f"'{text}' is no file, and the store has no clips yet; make them with: {do}")
     stem = text.rstrip(MARKS)
     found = [name for name in known if name == stem or any(name.startswith(stem + mark) for mark in MARKS)]

@@ -20,7 +20,7 @@ from starlette.staticfiles import StaticFiles
 
 from pipeline import loopback
 from pipeline.curation_page.clip_details import proposals
-from pipeline.curation_page.clip_table import NoClipError
+from pipeline.curation_page.clip_table import NoClipError, asset_of
 from pipeline.curation_page.guard import Guard
 from pipeline.curation_page.thumbnail_process import ThumbnailProcess
 from pipeline.curation_page.workplace import Runs, Workplace
@@ -111,9 +111,13 @@ def _release(workplace: Workplace) -> Callable[[Request], Any]:
     policy = f"default-src 'none'; img-src data:; style-src {style_source()}; frame-ancestors 'none'"
 
     async def answer(request: Request) -> Response:
-        path = workplace.release_report(request.path_params.get("robot", workplace.robot_name))
+        robot = request.path_params.get("robot", workplace.robot_name)
+        try:
+            path = workplace.release_report(robot)
+        except UnknownNameError as error:
+            return PlainTextResponse(f"{error}\n", status_code=404)
         if path is None:
-            command = "dagster asset materialize --select release_report"
+            command = f"dagster asset materialize --select {asset_of('release_report', robot)}"
             return PlainTextResponse(f"There is no release report yet. Run: {command}\n", status_code=404)
         return FileResponse(path, headers={**NOT_KEPT, "Content-Security-Policy": policy})
 

@@ -19,7 +19,7 @@ from pipeline.curation_page.line_figure import encode
 from pipeline.curation_page.materialization import Materialization, Rerun, rerun_of
 from pipeline.curation_page.motion_sources import MotionSources
 from pipeline.curation_page.thumbnails import ThumbnailStore
-from pipeline.errors import FileError, PipelineError
+from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.feasibility import criteria_table
 from pipeline.files import digest, settings
 from pipeline.project import Project
@@ -135,9 +135,11 @@ class Workplace:
         return encode(now.sources.of(row).load(self.store, self.robot).figures())
 
     def release_report(self, robot: str) -> Path | None:
-        """The page that a person signs for a robot; None where there is none."""
+        """The page that a person signs for a robot; None where there is none. Raises UnknownNameError."""
+        if robot not in self.project.robots:
+            raise UnknownNameError("robot", robot, self.project.robots)
         path = self.project.release_report(robot)
-        return path if robot in self.project.robots and path.is_file() else None
+        return path if path.is_file() else None
 
     def thumbnail(self, key: str) -> bytes | None:
         """A thumbnail of a current clip; None if none has this name."""

@@ -3,8 +3,8 @@
 python -m pipeline.feasibility.docs_table docs/feasibility.md
 """
 
+import argparse
 import re
-import sys
 from pathlib import Path
 
 from pipeline.errors import FileError
@@ -36,4 +36,6 @@ def rewrite(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    rewrite(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(prog="python -m pipeline.feasibility.docs_table", description=__doc__)
+    parser.add_argument("page", type=Path, help="page with the table (docs/feasibility.md)")
+    rewrite(parser.parse_args().page)

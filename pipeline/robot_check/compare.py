@@ -99,10 +99,10 @@ def compare(first: MakerModel, second: MakerModel) -> list[Difference]:
         found += _link(first.links[index], second.links[other])
     for index, link in enumerate(first.links):
         if index not in pairs and link.joint:
-            found.append(Difference(name=link.joint.name, figure=JOINT, unit="", first="there", second=None))
+            found.append(Difference(name=link.joint.name, figure=JOINT, unit="", first="stated", second=None))
     for index, link in enumerate(second.links):
         if index not in pairs.values() and link.joint:
-            found.append(Difference(name=link.joint.name, figure=JOINT, unit="", first=None, second="there"))
+            found.append(Difference(name=link.joint.name, figure=JOINT, unit="", first=None, second="stated"))
     return found
 
 

@@ -40,12 +40,14 @@ def write_film(
         seconds: length of the film [s]; None: to the end of the longest figure
         text: line at the lower edge
 
-    Raises FileError for another suffix and if the file can't be written.
+    Raises FileError for another suffix and if the file can't be written, PipelineError for a start beyond the figures.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise FileError(path, f"a film is one of: {', '.join(SUFFIXES)}.", "Name a file with that suffix.")
     fps = FPS[path.suffix.lower()]
     end_s = max(figure.duration_s for figure in figures)
+    if not 0.0 <= start_s <= end_s:
+        raise PipelineError(f"a film can't begin at {start_s:g} s, allowed are 0 to {end_s:.2f} s.")
     stop_s = end_s if seconds is None else min(start_s + seconds, end_s)
     times_s = np.arange(start_s, max(stop_s, start_s + 1.0 / fps), 1.0 / fps)
     pictures = (_picture(figures, float(time_s), text) for time_s in times_s)

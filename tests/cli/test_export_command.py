@@ -226,7 +226,8 @@ def test_the_card_of_an_export_is_that_of_the_exported_clips(database, tmp_path,
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["{db}/none", "--format", "gmr", "--out", "{out}"], "it is not a folder"),
+        (["{db}/none", "--format", "gmr", "--out", "{out}"], "materialize --select expert_db\n"),
+        (["{db}/k1", "--format", "gmr", "--out", "{out}"], "materialize --select k1/expert_db\n"),
         (["{db}", "--format", "gmr", "--out", "{db}/inside"], "it is in the database, whose files have digests"),
         (["{db}", "--format", "gmr", "--out", "{out}", "--skill", "fly"], "unknown skill 'fly'; there are: run, walk"),
         (["{out}", "--format", "gmr", "--out", "{db}.out"], "not a whole expert database"),

@@ -13,6 +13,7 @@ from pipeline.batch import store
 from pipeline.cli import arguments, policy_arguments
 from pipeline.cli.main import COMMANDS, main, parse
 from pipeline.dataset_export import FORMATS
+from pipeline.readers.read_motion import SUFFIXES
 from pipeline.validation.suites import SUITES
 
 HEAVY = ("numpy", "torch", "mujoco", "pandas", "scipy", "dagster", "pinocchio", "pipeline.readers", "pipeline.robot")
@@ -31,6 +32,8 @@ HEAVY = ("numpy", "torch", "mujoco", "pandas", "scipy", "dagster", "pinocchio", 
         (["view", "a", "--port", "x"], "x is not a port, wanted 1 to 65535"),
         (["view", "a", "--poses", "41"], "41 is not a number of poses, wanted 1 to 40"),
         (["export", "db", "--out", "o", "--format", "fbx"], "lerobot"),
+        (["validate", "a.npz", "--json", "/"], "/ is a folder, wanted a file"),
+        (["cross-engine", "a.npz", "--json", "/"], "/ is a folder, wanted a file"),
         (["simulate-robot", "o.mcap", "--command", "1,2"], "'1,2' is not 4 numbers with commas between"),
         (["simulate-robot", "o.mcap", "--push", "1,2,inf"], "'1,2,inf' is not 3 numbers with commas between"),
         (["simulate-robot", "o.mcap", "--weaker", "Waist=0"], "'Waist=0' is not JOINT=NUMBER"),
@@ -50,6 +53,12 @@ def test_help_ends_with_0(capsys, command):
     shown = capsys.readouterr().out
     assert shown.startswith(" ".join(["usage: booster-lab", *command]))
     assert command or all(name in shown for name in COMMANDS)
+
+
+def test_the_help_of_retarget_lists_every_suffix(capsys):
+    assert main(["retarget", "--help"]) == 0
+    shown = re.sub(r"[│\s]+", " ", capsys.readouterr().out)
+    assert f"motion file ({', '.join(sorted(SUFFIXES))})" in shown
 
 
 def test_the_version_is_that_of_the_project(root: Path, capsys):

@@ -172,6 +172,13 @@ def test_filters_that_are_noted_late_do_not_take_back_a_click(page):
     page.page.wait_for_selector(".timeline")
 
 
+def test_a_link_to_a_clip_that_is_gone_shows_its_error_alone(page):
+    go(page, "#/clip/gone", "#message.error >> text=there is no clip 'gone' now")
+    page.until("document.body.dataset.shown.startsWith('clip ')")
+    assert page.page.text_content(".page") == ""
+    page.complaints.clear()  # the console names the answer 404
+
+
 def test_markup_in_a_name_is_shown_as_text(page):
     go(page, "#/?q=onerror", ".card")
     names = page.page.eval_on_selector_all(".card:not([hidden]) .name", "all => all.map(each => each.textContent)")

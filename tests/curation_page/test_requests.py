@@ -158,7 +158,11 @@ def test_a_project_without_proposals_and_databases_says_so(client):
 
 
 def test_the_release_page_is_served_with_its_style_and_nothing_else(client, folder):
-    assert "Run: dagster asset materialize" in client.get("/release").text
+    assert "Run: dagster asset materialize --select release_report\n" in client.get("/release").text
+    (folder / "robots/k1").mkdir()
+    (folder / "robots/k1/robot.toml").touch()
+    assert "Run: dagster asset materialize --select k1/release_report\n" in client.get("/release/k1").text
+    assert client.get("/release/k9").text == "unknown robot 'k9'; there are: k1, t1\n"
     path = folder / "data/release/t1/release_report.html"
     path.parent.mkdir(parents=True)
     path.write_text("<!doctype html><title>Release</title>")

@@ -16,7 +16,7 @@ from pipeline.expert import (
     read_database,
     write_database,
 )
-from pipeline.robot import Robot
+from pipeline.robot import Robot, load_robot
 from tests.factories.robot_clips import wandering
 
 SETTINGS = DatabaseSettings(max_lost_share=0.5, kept_versions=2)
@@ -147,13 +147,37 @@ def test_a_manifest_that_was_edited_is_refused(robot: Robot, tmp_path: Path):
         read_database(folder)
 
 
-def test_the_command_lists_and_restores(robot: Robot, tmp_path: Path, monkeypatch, capsys, root: Path):
+@pytest.fixture
+def project(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project without databases, which commands are typed in."""
     (tmp_path / "data").mkdir()
     (tmp_path / "robots").symlink_to(root / "robots")
-    folder = tmp_path / "data/expert_db/t1"
-    write(folder, robot, 4)
-    write(folder, robot, 5)
     monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("name", "asset"), [("t1", "expert_db"), ("k1", "k1/expert_db")])
+def test_a_summary_names_the_command_that_makes_the_database(project: Path, capsys, name: str, asset: str):
+    assert main(["database", "summary", "--robot", name]) == 1
+    expected = f"there is no database of '{name}' yet; make it with: dagster asset materialize --select {asset}\n"
+    assert capsys.readouterr().err.endswith(expected)
+
+
+@pytest.mark.parametrize(("name", "option"), [("t1", ""), ("k1", " --robot k1")])
+def test_a_summary_ends_in_the_commands_of_its_robot(project: Path, capsys, name: str, option: str):
+    write(project / "data/expert_db" / name, load_robot(name), 2)
+    assert main(["database", "summary", "--robot", name]) == 0
+    commands = [line.strip().split("  ")[0] for line in capsys.readouterr().out.splitlines()[-4:]]
+    assert commands[0] == f"booster-lab curate{option}"
+    assert commands[2] == f"booster-lab play robots/{name}/policies/walk{option}"
+
+
+def test_the_command_lists_and_restores(robot: Robot, project: Path, capsys):
+    folder = project / "data/expert_db/t1"
+    write(folder, robot, 4)
+    assert main(["database", "restore", "0000-nothing"]) == 1
+    assert "unknown version '0000-nothing'; there are none" in capsys.readouterr().err
+    write(folder, robot, 5)
     assert main(["database", "list"]) == 0
     printed = capsys.readouterr().out.splitlines()
     assert [line.split()[1] for line in printed[1:]] == ["5", "4"]

@@ -1,6 +1,8 @@
 """A criterion is one registration: a toy criterion appears everywhere, and a wrong one is refused."""
 
 import logging
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -125,3 +127,9 @@ def test_the_table_in_the_docs_is_that_of_the_code(root: Path, tmp_path: Path):
     page.write_text("no place for a table")
     with pytest.raises(FileError, match="the comments"):
         rewrite(page)
+
+
+def test_the_command_that_writes_the_table_prints_its_usage(root: Path):
+    command = [sys.executable, "-m", "pipeline.feasibility.docs_table", "--help"]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("usage: python -m pipeline.feasibility.docs_table")

@@ -27,6 +27,14 @@ def test_the_committed_model_files_are_the_rendering(name: str, tmp_path: Path):
         assert path.read_bytes() == (ROBOTS / name / path.name).read_bytes()
 
 
+@pytest.mark.parametrize(("arguments", "status"), [(["--help"], 0), ([], 2)])
+def test_the_usage_is_printed(arguments: list[str], status: int, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as stopped:
+        render.main(arguments)
+    assert stopped.value.code == status
+    assert "usage: python -m pipeline.robot.render" in "".join(capsys.readouterr())
+
+
 def test_a_changed_number_reaches_both_models_and_the_digest(t1: Robot, t1_folder: Path, tmp_path: Path):
     folder = copy_robot(t1_folder, tmp_path)
     replace(folder / "joints.csv", "Left_Knee_Pitch,yes,0,2.1817,", "Left_Knee_Pitch,yes,0,2.2,")

@@ -10,12 +10,13 @@ import { Timeline } from "./timeline.js";
 export class ClipPage {
   constructor(clip) {
     this.clip = clip;
-    this.element = el("div", { class: "page" }, el("p", { class: "quiet" }, "loading …"));
+    this.loading = el("p", { class: "quiet" }, "loading …");
+    this.element = el("div", { class: "page" }, this.loading);
   }
 
   async load() {
     const name = encodeURIComponent(this.clip);
-    const details = await getJson(`/api/clip?name=${name}`);
+    const details = await getJson(`/api/clip?name=${name}`).catch((error) => { this.loading.remove(); throw error; });
     this.motion ??= await getBytes(`/api/motion?name=${name}`).then(parse, (error) => { this.why = error.message; return []; });
     this.show(details);
   }
