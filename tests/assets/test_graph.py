@@ -262,3 +262,19 @@ def test_failures_follow_the_policies_at_hand(copied):
     policy.parent.mkdir(parents=True)
     policy.write_bytes(b"a policy")
     assert failures.fingerprint(copied) != before
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("robot_model", "robot.toml"),
+        ("robot_model", "joints.csv"),
+        ("mujoco_validation", "validation.yaml"),
+        ("exported_policy", "deployment.yaml"),
+    ],
+)
+def test_each_file_of_a_robot_makes_stale_what_reads_it(copied, name, file):
+    plan = robot_plans("k1")[name]
+    before, path = plan.fingerprint(copied), copied.robot_folder("k1") / file
+    path.write_text(path.read_text() + ("\nanother_key: 1\n" if file.endswith("yaml") else "\n"))
+    assert plan.fingerprint(copied) != before

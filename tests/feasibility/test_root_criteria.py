@@ -1,0 +1,43 @@
+"""Criteria of the root on a sway whose derivatives are known."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import rotation
+from pipeline.feasibility import FeasibilitySettings
+from pipeline.feasibility.motion import motion_of
+from pipeline.feasibility.root_criteria import root_height, root_jerk, root_speeds
+from pipeline.files import settings
+from pipeline.robot import Robot
+from tests.factories.robot_clips import standing
+
+
+@pytest.fixture(scope="module")
+def limits(root: Path) -> FeasibilitySettings:
+    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
+
+
+def test_a_sway_has_the_derivatives_of_its_sine(robot: Robot, limits: FeasibilitySettings):
+    """y = A sin(wt), roll = B sin(wt): the largest speeds are A w and B w, the acceleration A w², the mean size of the
+    jerk 2 A w³ / pi."""
+    clip, omega = standing(robot, 8.0), 2.0 * np.pi * 0.5
+    wave = np.sin(omega * np.arange(clip.frame_count) / clip.fps)
+    roll = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.2 * wave)
+    swaying = dataclasses.replace(
+        clip,
+        root_pos_w=clip.root_pos_w + 0.1 * wave[:, None] * [0.0, 1.0, 0.0],
+        root_quat_w=rotation.multiply(roll, clip.root_quat_w),
+    )
+    motion = motion_of(swaying, robot, limits)
+    found = [each.value for each in (*root_speeds(motion, limits.root), *root_jerk(motion, limits.root))]
+    wanted = [0.1 * omega, 0.2 * omega, 0.1 * omega**2, 2.0 * 0.1 * omega**3 / np.pi]
+    assert found == pytest.approx(wanted, rel=0.05)
+
+
+def test_the_height_is_a_share_of_that_of_the_default_pose(robot: Robot, limits: FeasibilitySettings):
+    clip = standing(robot, 2.0)
+    lowest, _ = root_height(motion_of(clip, robot, limits), limits.root)
+    assert lowest.value == pytest.approx(clip.root_pos_w[0, 2] / robot.default_root_height, rel=1e-6)
