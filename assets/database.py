@@ -41,6 +41,7 @@ def expert_db(
     folder = PROJECT.expert_db(robot.name)
     values = PROJECT.read("database.yaml", DatabaseSettings)
     written = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values, pool=pool)
+    version = dg.DataVersion(digest.of_file(folder / MANIFEST))  # now, since a person may restore another one later
     realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
     metadata = {
         **curator_link("databases"),
@@ -52,7 +53,7 @@ def expert_db(
     yield dg.MaterializeResult(
         asset_key=plan.key,
         metadata=metadata,
-        data_version=dg.DataVersion(digest.of_file(folder / MANIFEST)),  # its files were checked when written
+        data_version=version,
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
     yield from judge_contents(plan, written)

@@ -22,9 +22,11 @@ from assets.approved import (
 from assets.bootstrap import note_external
 from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
-from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
+from assets.plan import FIELD, FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
 from assets.runs import recent_runs
+from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
+from pipeline.expert.history import was_restored
 from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest
 from pipeline.project import PROJECT, Project
@@ -74,13 +76,16 @@ def behind(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, 
     """Databases that do not yet contain what is approved now, with the reason.
 
     Stages are compared by the versions that their last run recorded, databases by their own. What was never made is not
-    behind: its first run uses what is approved then.
+    behind: its first run uses what is approved then. A version that a person restored stays as long as nothing else is
+    approved.
     """
     versions = {key: version for key, (version, _) in approved_versions(project).items()}
     late: dict[dg.AssetKey, str] = {}
     for robot in project.robots:
         plans = {plan.name: plan for plan in SHARED} | robot_plans(robot)
-        in_database = _in_database(project, robot)
+        if last_tags(instance, plans["expert_db"].key) is None:
+            continue
+        in_database = None if was_restored(project.expert_db(robot)) else _in_database(project, robot)
         for section in PARTS:
             name = "selected_motions" if section in SHARED_PARTS else USED_BY.get(section)
             if name is None:
@@ -114,7 +119,9 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
     except (PipelineError, OSError) as error:
         return dg.SkipReason(str(error))
     if not late:
-        return dg.SkipReason("no database is behind what is approved")
+        restored = [robot for robot in project.robots if was_restored(project.expert_db(robot))]
+        left = f"; a person restored those of {', '.join(restored)}, which are left as they are" if restored else ""
+        return dg.SkipReason(f"no database is behind what is approved{left}")
     reasons = "; ".join(f"{key.to_user_string()}: {why}" for key, why in sorted(late.items()))
     mark = {APPROVED_TAG: state[:FINGERPRINT_DIGITS]}
     runs = dg.RunsFilter(job_name=recurate.name)  # the databases are still behind: each run that ended counts as failed
@@ -159,6 +166,20 @@ ingest_logs = dg.define_asset_job(
 )
 
 
+def _reached_the_page(instance: dg.DagsterInstance, mark: dict[str, str]) -> bool:
+    """Whether failures, proposal and report are of the last trials, which a person may have ingested by themselves, or
+    a run with this mark made them."""
+    done = dg.RunsFilter(job_name=ingest_logs.name, tags=mark, statuses=[dg.DagsterRunStatus.SUCCESS])
+    if instance.get_runs(filters=done, limit=1):
+        return True
+    failures, feedback, report = FIELD
+    for parent, child in ((TRIALS, failures), (failures, feedback), (failures, report)):
+        made, used = last_tags(instance, parent.key) or {}, last_tags(instance, child.key) or {}
+        if used.get(INPUT_VERSION_PREFIX + parent.key.to_user_string()) != made.get(DATA_VERSION_TAG):
+            return False
+    return True
+
+
 @dg.sensor(
     job=ingest_logs,
     minimum_interval_seconds=EVERY_S,
@@ -174,8 +195,9 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
         return dg.SkipReason(f"the folder of logs can't be looked at: {error}")
     count, waiting = facts["files"], facts["still being written"]
     tags = last_tags(context.instance, TRIALS.key)
-    known = (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags)
     mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
+    used = (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string())
+    known = not (count or tags) or (used == version and _reached_the_page(context.instance, mark))
     runs = dg.RunsFilter(job_name=ingest_logs.name, tags=mark)
     found = recent_runs(context.instance, PROJECT, runs, lambda run: not run.is_success)
     if known and not found.running and not found.failures:

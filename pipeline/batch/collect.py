@@ -53,7 +53,7 @@ def collect(store: Store, keep: int, *, delete: bool) -> tuple[Part, ...]:
         keep: of each stage, the answers that its last `keep` runs asked for are kept
         delete: delete the old files; otherwise nothing is changed
     """
-    with _alone(store.root):
+    with alone(store.root, "booster-lab store gc"):
         answers, needed = _answers(store, keep)
         for path in (store.root / "manifests").rglob("*.json"):
             needed |= _named(path.read_bytes())
@@ -151,17 +151,24 @@ def _remove(path: Path | str, remote: RemoteBlobs | None) -> None:
 
 
 @contextlib.contextmanager
-def _alone(root: Path) -> Iterator[None]:
-    """The lock that runs hold on the store, for as long as the context lasts. Raises StoreInUseError."""
+def alone(root: Path, holder: str) -> Iterator[None]:
+    """The lock that runs hold on the store, for as long as the context lasts; `holder` is who is waited for then.
+
+    Raises StoreInUseError while a run works on the store, FileError where the lock can't be written.
+    """
     if not root.is_dir():
         raise FileError(root, "there is no store here.", "A run makes it: dagster asset materialize --select expert_db")
-    with (root / LOCK).open("a+") as stream:
+    try:
+        stream = (root / LOCK).open("a+")
+    except OSError as error:
+        raise FileError(root / LOCK, f"the store can't be locked ({error}).") from error
+    with stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             stream.seek(0)
             raise StoreInUseError(root, stream.read().strip()) from error
         stream.truncate(0)
-        stream.write("booster-lab store gc")
+        stream.write(holder)
         stream.flush()
         yield

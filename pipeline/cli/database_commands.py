@@ -1,9 +1,10 @@
 """`booster-lab database`, `sources`, `export`, `store`: versions, sources of runs, other formats, size of the store."""
 
+import contextlib
 import textwrap
 from pathlib import Path
 
-from pipeline.batch.collect import Part, collect
+from pipeline.batch.collect import Part, alone, collect
 from pipeline.batch.store import MOST_ASKINGS
 from pipeline.cli.arguments import Database, Export, Sources, Store
 from pipeline.cli.text_table import name_values, text_table
@@ -26,9 +27,11 @@ def database(args: Database) -> int:
     if args.action == "restore":
         if args.version is None:
             raise PipelineError("name the version to restore; there are those of: booster-lab database list")
-        made = history.restore(folder, args.version)
+        store, holder = project.store.root, f"booster-lab database restore {args.version}"
+        with alone(store, holder) if store.is_dir() else contextlib.nullcontext():
+            made = history.restore(folder, args.version)
         print(f"{folder}: {made.name} is in place, {made.clips} clips, {made.seconds:.1f} s.")
-        print(f"The next `{_making(args.robot)}` writes the database of the present sources again.")
+        print(f"It stays until the next run, as `{_making(args.robot)}`, writes that of the present sources again.")
         return 0
     if args.action == "summary":
         print(summary(folder, args.robot))

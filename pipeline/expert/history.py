@@ -148,7 +148,21 @@ def restore(folder: Path, name: str) -> Version:
         raise UnknownNameError("version", name, list(versions))
     check_database(versions[name].folder)
     swap.put_in_place(folder, versions[name].folder, lambda old: keep(folder, old))
+    atomic.write_text(_restored_note(folder), digest.of_file(folder / manifest.FILE))
     return describe(folder, name)
+
+
+def was_restored(folder: Path) -> bool:
+    """Whether a person put the version in place there."""
+    try:
+        return _restored_note(folder).read_text(encoding="utf-8") == digest.of_file(folder / manifest.FILE)
+    except OSError:
+        return False
+
+
+def _restored_note(folder: Path) -> Path:
+    """The file beside a database that holds the digest of the manifest that was restored last."""
+    return swap.beside(folder, "restored")
 
 
 def _next_name(folder: Path, version: Path) -> str:

@@ -148,6 +148,11 @@ def _answered(
         )
     if not by.strip():
         raise ApprovalError("an approval needs a name: state who approves it in 'by'.")
+    strange = [section for section in sections if section not in SECTIONS]
+    if strange:
+        raise ApprovalError(
+            f"there is no section '{strange[0]}'; there are: {', '.join(SECTIONS)}. Nothing was answered."
+        )
     kept = [each for each in changes if not policies or all(one.policy in policies for one in each.witnesses)]
     kept = [each for each in kept if not sections or each.section in sections]
     if not kept:

@@ -164,7 +164,7 @@ class Project:
         A file outside all sources makes up a source of its own: its folder.
         """
         path = path.resolve()
-        for source in self._all_sources:
+        for source in self._sources_there:
             if path.is_relative_to(source.folder):
                 below, above = source.statement_of(path), vars(stated).items()
                 statement = dataclasses.replace(below, **{name: each for name, each in above if each is not None})
@@ -173,9 +173,11 @@ class Project:
         return Source(name=path.parent.name or "file", folder=path.parent, statement=stated)
 
     @cached_property
-    def _all_sources(self) -> tuple[Source, ...]:
-        if self.settings("sources.yaml").is_file():
-            return self.sources().all
+    def _sources_there(self) -> tuple[Source, ...]:
+        """Sources whose folders are there: another one that is lost says nothing of a file."""
+        if (file := self.settings("sources.yaml")).is_file():
+            variable = os.environ.get(VARIABLE, "")
+            return sources_in_use(file, variable, self.remembered_sources, only_there=True).all
         return sources_of_environment(os.environ.get(VARIABLE, ""))
 
 

@@ -73,20 +73,23 @@ class SourceLostError(PipelineError):
         )
 
 
-def sources_in_use(file: Path, variable: str, memory: Path) -> SourcesInUse:
+def sources_in_use(file: Path, variable: str, memory: Path, *, only_there: bool = False) -> SourcesInUse:
     """The sources that are named now (`data/sources.yaml`, `BOOSTER_LAB_MOTIONS`) and those that the store remembers.
 
     Raises SettingsError, FileError (a folder of the variable is not there), SourceLostError (a remembered one is not).
+    With `only_there`, for what is said of one file, stated and remembered sources without a folder are left out.
     """
     known = read_remembered(memory)
-    stated = read_sources(file)
+    stated = read_sources(file, only_there=only_there)
     names = {Path(each.folder): each.name for each in known if each.named_in == VARIABLE}
     environment = sources_of_environment(variable, stated, names)
     taken = {source.folder.resolve() for source in (*stated, *environment)}
     missing = {folder: name for folder, name in names.items() if folder not in taken}
     gone = [each for each in known if Path(each.folder) in missing and not _is_folder(Path(each.folder))]
-    if gone:
+    if gone and not only_there:
         raise SourceLostError(memory, [(each, "is not a folder any more") for each in gone])
+    for each in gone:
+        del missing[Path(each.folder)]
     remembered = sources_of_environment(":".join(map(str, missing)), (*stated, *environment), missing)
     return SourcesInUse(stated=stated, environment=environment, remembered=remembered)
 

@@ -140,11 +140,18 @@ class _Sources:
     sources: tuple[_Entry, ...]
 
 
-def read_sources(path: Path) -> tuple[Source, ...]:
-    """The sources in a `sources.yaml`; folders and own files are relative to it. Raises SettingsError."""
+def read_sources(path: Path, *, only_there: bool = False) -> tuple[Source, ...]:
+    """The sources in a `sources.yaml`; folders and own files are relative to it. Raises SettingsError.
+
+    With `only_there` a source whose folder is missing is left out.
+    """
     sources = []
     for entry in settings.read(path, _Sources).sources:
         folder = _folder_of(path, entry)
+        if folder is None and only_there:
+            continue
+        if folder is None:
+            raise SettingsError(path, f"the folder {entry.folder[:200]!r} of source '{entry.name}' does not exist.")
         if not entry.name.strip(". ") or set(entry.name) & set("/\\@+~:"):
             raise SettingsError(
                 path, f"the source name '{entry.name}' is empty, dots alone or holds one of / \\ @ + ~ :."
@@ -157,16 +164,13 @@ def read_sources(path: Path) -> tuple[Source, ...]:
     return tuple(sources)
 
 
-def _folder_of(path: Path, entry: _Entry) -> Path:
-    """The folder of an entry. Raises SettingsError where there is none."""
+def _folder_of(path: Path, entry: _Entry) -> Path | None:
+    """The folder of an entry; None where there is none."""
     try:
         folder = (path.parent / Path(entry.folder).expanduser()).resolve()
-        there = folder.is_dir()
+        return folder if folder.is_dir() else None
     except (OSError, ValueError, RuntimeError):  # too long, with zero bytes, links in a circle, no such user
-        there = False
-    if not there:
-        raise SettingsError(path, f"the folder {entry.folder[:200]!r} of source '{entry.name}' does not exist.")
-    return folder
+        return None
 
 
 def _with_paths(statement: Stated, folder: Path) -> Stated:

@@ -44,6 +44,8 @@ def test_another_digest_approves_nothing(project):
         approve_proposal(project.feedback, digest, " ")
     with pytest.raises(ApprovalError, match="nothing was approved"):
         approve_proposal(project.feedback, digest, "a person", policies=(OTHER,))
+    with pytest.raises(ApprovalError, match=r"there is no section 'wights'; there are: .*weights"):
+        approve_proposal(project.feedback, digest, "a person", sections=("wights", "weights"))
     assert not project.feedback.approved.exists()
 
 

@@ -16,17 +16,25 @@ import assets.hardware
 import assets.resources
 import assets.sensors
 from assets.bootstrap import assets_of
+from assets.freshness import INPUT_VERSION_PREFIX
 from assets.hardware import IngestedLogs, hardware_logs, hardware_trials, ingest_folder, logs_version, trials_of
 from assets.plan import TRIALS
 from assets.resources import StoreIOManager
 from assets.runs import alive
 from assets.sensors import hardware_log_sensor, ingest_logs
+from assets.sources import DATA_VERSION_TAG
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes, read_trial
 from pipeline.project import Project
 from tests.factories.robot_logs import POLICY, START_NS, every, low_states, robot_log
 
 LONG_AGO_S = 3_600.0
+PAGE = (
+    ("hardware_trials", "failure_modes"),
+    ("failure_modes", "curation_feedback"),
+    ("failure_modes", "sim_to_real_report"),
+)
+"""What is made of the trials, after what it is made of."""
 
 
 @pytest.fixture
@@ -261,6 +269,17 @@ def test_a_run_that_died_with_its_machine_is_told_failed_and_tried_again(project
         assert told is not None and told.status == dg.DagsterRunStatus.FAILURE
 
 
+def test_trials_that_a_person_ingested_go_on_to_the_page(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    with dg.DagsterInstance.ephemeral() as instance:
+        assets.bootstrap.note_external(instance, project)
+        assert materialize(instance).success, "the trials alone"
+        tags = tick(instance)
+        assert isinstance(tags, dict)
+        instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.SUCCESS)
+        assert "no new log" in tick(instance)
+
+
 def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
     with dg.DagsterInstance.ephemeral() as instance:
@@ -320,6 +339,10 @@ def test_the_sensor_rests_when_the_logs_are_ingested(project, log_bytes):
         assets.bootstrap.note_external(instance, project)
         result = materialize(instance)
         assert result.success
+        for parent, child in PAGE:
+            noted = instance.get_latest_materialization_event(dg.AssetKey([parent])).asset_materialization
+            tags = {INPUT_VERSION_PREFIX + parent: noted.tags[DATA_VERSION_TAG], DATA_VERSION_TAG: child}
+            instance.report_runless_asset_event(dg.AssetMaterialization(dg.AssetKey([child]), tags=tags))
         assert tick(instance) == "no new log: 1 are ingested, 0 still being written"
         checks = {check.check_name: check.passed for check in result.get_asset_check_evaluations()}
         assert checks == {"every_log_readable": True, "every_log_verified": True}

@@ -22,7 +22,8 @@ from pipeline.batch import Manifest
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.approved import noting
 from pipeline.feedback.change import proposal_digest
-from pipeline.project import Project
+from pipeline.files import digest
+from pipeline.project import PROJECT, Project
 from tests.factories.feedback_project import feedback_project, note_materialized, propose_into, two_falls
 from tests.factories.trial_reports import proposal
 
@@ -99,6 +100,26 @@ def test_a_database_is_behind_from_an_approval_until_it_is_made(project):
         assert behind(instance, project) == {DATABASE: "approved_weights changed"}
         note_materialized(instance, project)
         assert behind(instance, project) == {}
+
+
+def test_a_robot_without_a_database_is_not_behind(project):
+    (project.root / "robots/k1").symlink_to(PROJECT.robot_folder("k1"))
+    with dg.DagsterInstance.ephemeral() as instance:
+        note_materialized(instance, project)
+        approve(project)
+        assert set(behind(instance, project)) == {DATABASE}, "what is approved for all robots makes no first database"
+
+
+def test_a_restored_database_stays_until_something_else_is_approved(project):
+    with reached(project) as instance:
+        approve(project, "augmentation")
+        note_materialized(instance, project)
+        assert isinstance(tick(instance), dg.RunRequest), "it did not hear of the approval"
+        manifest = project.expert_db("t1") / "manifest.json"
+        (project.expert_db("t1").parent / ".t1.restored").write_text(digest.of_file(manifest))
+        assert str(tick(instance)).endswith("; a person restored those of t1, which are left as they are")
+        approve(project, "weights")
+        assert behind(instance, project) == {DATABASE: "approved_weights changed"}
 
 
 @pytest.mark.parametrize("section", ["selection", "augmentation", "weights", "motors"])

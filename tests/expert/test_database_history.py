@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.batch.collect import alone
 from pipeline.cli.main import main
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.expert import (
@@ -185,3 +186,24 @@ def test_the_command_lists_and_restores(robot: Robot, project: Path, capsys):
     assert clips(folder) == 4
     assert main(["database", "restore", "0000-nothing"]) == 1
     assert "unknown version" in capsys.readouterr().err
+
+
+def test_a_version_that_a_person_restored_is_known_until_another_one_is_written(robot: Robot, tmp_path: Path):
+    folder = tmp_path / "t1"
+    for count in (4, 5):
+        write(folder, robot, count)
+    assert not history.was_restored(folder)
+    history.restore(folder, history.read_versions(folder)[0].name)
+    assert clips(folder) == 4 and history.was_restored(folder)
+    write(folder, robot, 5)
+    assert not history.was_restored(folder)
+
+
+def test_no_version_is_restored_while_a_run_works_on_the_store(robot: Robot, project: Path, capsys):
+    folder, store = project / "data/expert_db/t1", project / "data/store"
+    for count in (4, 5):
+        write(folder, robot, count)
+    store.mkdir()
+    with alone(store, "run 7f29"):
+        assert main(["database", "restore", history.read_versions(folder)[0].name]) == 1
+    assert "run 7f29 is working on the store; try again" in capsys.readouterr().err and clips(folder) == 5

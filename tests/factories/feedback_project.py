@@ -16,6 +16,7 @@ from tests.factories.trial_reports import failure, proposal, report, saturated
 
 HEEDING = ("selected_motions", "motion_variants", "feasible_motions", "adapted_robot")
 """Assets that heed a section of what is approved."""
+MADE = (*HEEDING, "expert_db")
 
 
 def feedback_project(root: Path, folder: Path) -> Project:
@@ -42,8 +43,8 @@ def propose_into(project: Project, *reports: TrialReport) -> str:
 
 
 def note_materialized(instance: dg.DagsterInstance, project: Project, *names: str) -> None:
-    """Note stages as made from what is approved now."""
+    """Note stages, and the database, as made from what is approved now."""
     versions = {key.to_user_string(): version for key, (version, _) in approved_versions(project).items()}
     tags = {f"{INPUT_VERSION_PREFIX}{key}": version for key, version in versions.items()}
-    for name in names or HEEDING:
+    for name in names or MADE:
         instance.report_runless_asset_event(dg.AssetMaterialization(dg.AssetKey([name]), tags=tags))

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -104,6 +105,15 @@ def test_a_lost_source_stops_the_run_and_names_what_would_be_lost(tmp_path, lose
         run(file, "", memory)
     assert "booster-lab sources forget" in str(raised.value)
     assert memory.read_text() == recorded
+
+
+def test_what_is_said_of_a_file_does_not_need_the_folders_of_other_sources(tmp_path):
+    file, memory = project(tmp_path, "shipped", "second"), tmp_path / "sources.json"
+    run(file, str(folder(tmp_path, "takes")), memory)
+    for name in ("second", "takes"):
+        shutil.rmtree(tmp_path / name)
+    found = sources_in_use(file, "", memory, only_there=True)
+    assert [source.name for source in found.all] == ["shipped"]
 
 
 def test_a_source_that_is_renamed_or_moved_is_not_lost(tmp_path):
