@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from pipeline.learning.policy_file import Network
 from pipeline.robot.kinematics import compiled
@@ -164,3 +165,40 @@ def test_the_loss_falls_without_a_gpu(tmp_path, root, robot):
     with np.load(tmp_path / "run" / "policy.npz", allow_pickle=False) as arrays:
         network = Network(dict(arrays), "cpu")
     assert network(torch.zeros(2, 720)).shape == (2, 21)
+
+
+def test_a_clip_is_lost_where_the_trunk_leans_a_right_angle_more_than_it(env, teacher):
+    for row, lean_deg in enumerate((0.0, 60.0, 95.0)):
+        env.sim.data.qpos[row, 3:7] = wxyz(Rotation.from_euler("x", lean_deg, degrees=True))
+    env.sim.forward()
+    env.robot_state.invalidate()
+    teacher.advance(env)
+    assert teacher.lost.tolist() == [False, False, True]
+
+
+def test_a_robot_on_the_path_of_its_turned_clip_is_never_off_it(env, teacher, monkeypatch):
+    """The clip walks to the front and to the left, and is turned by another angle in each environment."""
+    turns, per_frame = torch.tensor([0.0, 1.2, -2.5]), torch.tensor([0.02, 0.008, 0.0])
+    walked = teacher._root_pos + torch.arange(len(teacher._root_pos))[:, None] * per_frame
+    monkeypatch.setattr(teacher, "_root_pos", walked)
+    frame = torch.full((ENVS,), int(teacher.references.clip_start[1]) + 30)
+    teacher.begin(env, torch.ones(ENVS, dtype=torch.bool), frame, turns)
+    start = teacher.path_xy.double().numpy()
+    rotations = [Rotation.from_euler("z", float(turn)) for turn in turns]
+    for step in range(1, 21):
+        env.sim.data.qpos[:, 7:] = teacher._joint_pos[frame + step]
+        for row, rotation in enumerate(rotations):
+            env.sim.data.qpos[row, 3:7] = wxyz(rotation)
+            moved = start[row] + rotation.apply(step * per_frame.double().numpy())[:2]
+            env.sim.data.qpos[row, :2] = torch.from_numpy(moved).float()
+        env.sim.forward()
+        env.robot_state.invalidate()
+        teacher.advance(env)
+        assert teacher.frame.tolist() == (frame + step).tolist()
+        assert teacher.path_xy.numpy() == pytest.approx(env.sim.data.qpos[:, :2].numpy(), abs=1e-4)
+        assert teacher.turn.numpy() == pytest.approx(turns.numpy(), abs=1e-4)
+
+
+def wxyz(turn: Rotation) -> torch.Tensor:
+    x, y, z, w = turn.as_quat()
+    return torch.tensor([w, x, y, z], dtype=torch.float32)

@@ -333,3 +333,16 @@ def test_episodes_begin_at_frames_that_keep_their_command(bundle, by_command):
     assert 0.6 < at_frames.float().mean() < 1.0
     height = env.sim.data.qpos[:, 2]
     assert ((height > 0.5) & (height < 0.9)).all()
+
+
+def test_the_averaged_velocity_reaches_two_thirds_of_a_step_after_0_4_s(env):
+    env.reset()
+    env.sim.data.qvel[:, :3] = torch.tensor([0.7, -0.4, 0.0])
+    env.robot_state.invalidate()
+    velocity = env.robot_state.velocity.clone()
+    env.robot_state._mean.zero_()
+    for _ in range(round(0.4 / env.step_dt)):
+        env.robot_state.advance()
+    share = (env.robot_state.mean_velocity * velocity).sum(dim=1) / velocity.square().sum(dim=1)
+    assert share.numpy() == pytest.approx(1.0 - math.exp(-1.0), abs=0.02)
+    env.reset()

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pipeline.deployment import load_policy
 from pipeline.training.plain_walk import Walk, World, touchdown_rate, walked
@@ -53,3 +55,11 @@ def test_touchdowns_a_minute_are_those_of_the_gait_and_not_of_the_time_it_is_wat
     assert touchdown_rate(step % 24 >= 1, 0.02) == 0.0, "20 ms in the air are no swing"
     assert touchdown_rate(step >= 10, 0.02) == pytest.approx(10.0), "one touchdown in 6 s"
     assert touchdown_rate((step >= 20) | (step == 10), 0.02) == pytest.approx(20.0), "two, and then it stands"
+
+
+@pytest.mark.parametrize(("lean_deg", "fell"), [(50.0, False), (-50.0, False), (70.0, True), (-70.0, True)])
+def test_a_trunk_that_leans_by_70_degrees_fell_and_by_50_did_not(bundle_folder, root, lean_deg, fell):
+    world = World(bundle_folder, load_policy(root / SHIPPED), Walk(command=(0.0, 0.0, 0.0)))
+    world.data.qpos[3:7] = np.roll(Rotation.from_euler("y", lean_deg, degrees=True).as_quat(), 1)
+    mujoco.mj_kinematics(world.model, world.data)
+    assert world.fell is fell

@@ -11,7 +11,11 @@ from torch import nn
 
 from pipeline.training.amp.algorithm import AmpPpo
 from pipeline.training.amp.discriminator import Discriminator
+from pipeline.training.bundle import read_bundle
 from pipeline.training.config import RECIPE
+from pipeline.training.runner import AmpStage
+from pipeline.training.stage import Request
+from tests.factories.training_bundle import small_bundle
 
 WORLD = 2
 SMALL = RECIPE.changed({"simulation.num_envs": 16, "discriminator.frames": 3}).discriminator
@@ -60,3 +64,18 @@ def test_two_processes_train_one_discriminator(tmp_path):
     assert any(not torch.equal(value, one["discriminator"][name]) for name, value in one["first"].items())
     assert one["gradient"].tolist() == other["gradient"].tolist() == [1.5, 1.5, 1.5]
     assert one["figures"] == pytest.approx(other["figures"])
+
+
+def test_each_process_draws_other_commands_and_states(tmp_path, root, robot, monkeypatch):
+    bundle = read_bundle(small_bundle(tmp_path, root, robot))
+    config = RECIPE.changed({"simulation.num_envs": 8})
+    request = Request(out=tmp_path, preset="recipe", config=config, device="cpu", seed=1, physics="plain")
+    drawn = []
+    for rank in ("0", "1", "1"):
+        monkeypatch.setenv("RANK", rank)
+        env = AmpStage(bundle, request, tmp_path / "amp").env
+        env.reset()
+        drawn.append(torch.cat([env.command, env.sim.data.qpos[:, 7:]], dim=1).clone())
+    first, second, again = drawn
+    assert torch.equal(second, again), "a process draws by its number"
+    assert (first != second).any(dim=1).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from pipeline.training.bundle import read_bundle
 from pipeline.training.config import RECIPE
@@ -45,3 +46,16 @@ def test_a_tilted_or_diverged_robot_fell_and_a_stall_is_no_fall(tmp_path, root, 
     assert fallen.tolist() == [False, True, False, True, False]
     assert stalled[4] and not stalled[0]
     assert torch.isfinite(env.sim.data.qpos[:]).all(), "episodes that ended begin again"
+
+
+def test_a_robot_that_leans_by_70_degrees_fell_and_by_50_did_not(tmp_path, root, robot):
+    config = RECIPE.changed({"simulation.num_envs": 8, "pushes.kick_m_s": (0.0, 0.0), "pushes.impulse_n_s": (0.0, 0.0)})
+    env = AmpEnvironment(read_bundle(small_bundle(tmp_path, root, robot)), config, "cpu", seed=1)
+    env.reset()
+    for row, (axis, lean_deg) in enumerate((a, d) for a in ("x", "y") for d in (50.0, -50.0, 70.0, -70.0)):
+        x, y, z, w = Rotation.from_euler(axis, lean_deg, degrees=True).as_quat()
+        env.sim.data.qpos[row, 3:7] = torch.tensor([w, x, y, z])
+    env.sim.data.qpos[:, 2] += 1.0  # in the air
+    env.sim.data.qvel[:] = 0.0
+    env.step(torch.zeros(8, 21))
+    assert fell(env).tolist() == [False, False, True, True] * 2
