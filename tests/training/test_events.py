@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from unittest.mock import MagicMock
+
 import mujoco
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ from pipeline.physics import GRAVITY
 from pipeline.training.bundle import read_bundle
 from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
 from pipeline.training.environment import AFTER_CHANGE_STEPS, AmpEnvironment
-from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, SMALLEST_PUSH, horizontal
+from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, SMALLEST_PUSH, Slopes, horizontal
 from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
 
@@ -178,3 +181,41 @@ def test_the_discriminator_reads_no_window_soon_after_a_push(bundle, push):
         if push == "impulse_n_s":
             assert torch.equal(env.push_w.norm(dim=1) > 0.0, since < round(FORCE_S / env.step_dt))
     assert read > 0
+
+
+def test_one_environment_in_three_is_on_a_slope():
+    count, start = 9000, torch.tensor([0.0, 0.0, -1.0])
+    env = MagicMock(num_envs=count, device="cpu")
+    env.context.config.randomization.slope_deg = STEEPEST_DEG
+    env.scene["robot"].data.gravity_vec_w = start.repeat(count, 1)
+    torch.manual_seed(0)
+    slopes = Slopes(env)
+    slopes.grow(1.0)
+    assert float((slopes.down_w[:, 2] > -1.0).float().mean()) == pytest.approx(1.0 / 3.0, abs=0.02)
+
+
+def test_grounds_motors_and_trunks_are_drawn_from_all_of_their_ranges(sloped):
+    """24 draws each: one that misses a quarter at an end of its range has a probability of 0.1 %."""
+    random, model, fields = RECIPE.randomization, sloped.sim.mj_model, sloped.sim.model
+    feet = [model.geom(f"robot/{name}").id for name in sloped.context.bundle.robot.shapes["feet"]]
+    friction = fields.geom_friction[:, feet, 0]
+    assert torch.equal(friction, friction[:, :1].expand_as(friction)), "the ground is the same under both feet"
+    trunk = sloped.scene["robot"].indexing.root_body_id
+    mass = fields.body_mass[:, trunk] / float(model.body_mass[trunk])
+    stiffness, damping = (
+        torch.cat(
+            [getattr(motor, name) / getattr(motor, f"default_{name}") for motor in sloped.scene["robot"].actuators],
+            dim=1,
+        )
+        for name in ("stiffness", "damping")
+    )
+    low, high = random.trunk_density
+    for values, (least, most) in (
+        (friction[:, 0], random.friction),
+        (stiffness[:, 0], random.gains),
+        (damping[:, 0], random.gains),
+        (mass, (math.exp(2.0 * low), math.exp(2.0 * high))),
+    ):
+        quarter = 0.25 * (most - least)
+        assert least - 1e-4 <= values.min() < least + quarter
+        assert most - quarter < values.max() <= most + 1e-4

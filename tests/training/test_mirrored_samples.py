@@ -16,13 +16,13 @@ from pipeline.training.stage import Request
 from tests.factories.training_bundle import small_bundle
 
 
-def amp_stage(tmp_path, root, robot) -> AmpStage:
+def amp_stage(tmp_path, root, robot, options: dict[str, Any] | None = None) -> AmpStage:
     """A stage of four environments whose normalizer is fixed; otherwise it moves between steps, and ratios with it.
 
     The deviation is so large that no mirror image of a random network's action is dropped as improbable.
     """
     bundle = read_bundle(small_bundle(tmp_path, root, robot))
-    config = RECIPE.changed({"simulation.num_envs": 4, "ppo.init_std": 0.5})
+    config = RECIPE.changed({"simulation.num_envs": 4, "ppo.init_std": 0.5, **(options or {})})
     request = Request(out=tmp_path, preset="recipe", config=config, device="cpu", seed=1, physics="plain")
     stage = AmpStage(bundle, request, tmp_path / "amp")
     stage.algorithm.get_policy().obs_normalizer.count.fill_(FROZEN)
@@ -72,3 +72,30 @@ def test_the_deviation_sinks_at_the_end_of_a_run(tmp_path, root, robot):
         found.append(float(stage.algorithm.get_policy().distribution.std_param.detach().max()))
     assert 0.45 < found[0] <= 0.5
     assert found[1:] == pytest.approx([0.3325, 0.165], abs=0.01)
+
+
+def test_updates_change_the_policy_less_at_the_end_of_a_run(tmp_path, root, robot):
+    """The divergence that the learning rate adapts to goes from its first to its last value in the final ramp."""
+    options = {"ppo.desired_kl": 0.02, "ppo.final_kl": 0.004, "schedule.final_ramp": (0.6, 1.0)}
+    stage, found = amp_stage(tmp_path, root, robot, options), []
+    for share in (0.3, 0.6, 0.8, 1.0):
+        stage.iterate(share)
+        found.append(stage.algorithm.desired_kl)
+    assert found == pytest.approx([0.02, 0.02, 0.012, 0.004])
+
+
+def test_a_resumed_run_continues_the_discriminators_optimizer(tmp_path, root, robot):
+    stage = amp_stage(tmp_path, root, robot)
+    discriminator = stage.algorithm.discriminator
+    assert discriminator is not None
+    windows = torch.zeros(64, *discriminator._expert.shape[1:])
+    discriminator.replay.insert(windows, torch.ones(64, dtype=torch.bool))
+    discriminator.update()
+    fresh = amp_stage(tmp_path, root, robot).algorithm
+    fresh.load(stage.state(), None, strict=True)
+    assert fresh.discriminator is not None
+    before, after = (each.optimizer.state_dict()["state"] for each in (discriminator, fresh.discriminator))
+    assert before.keys() == after.keys() and len(before) > 0
+    for number, moments in before.items():
+        assert moments["exp_avg_sq"].abs().max() > 0.0
+        assert all(torch.equal(value, after[number][name]) for name, value in moments.items())

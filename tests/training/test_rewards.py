@@ -168,3 +168,17 @@ def test_forces_and_distances_of_the_feet_are_the_papers_for_the_t1_and_scale_wi
 def test_shapes_that_touch_are_counted():
     given = env(other_force_w=((0.0, 0.0, 0.5), (0.0, 2.0, 0.0), (9.0, 0.0, 0.0)))
     assert rewards.undesired_contacts(given).item() == 2.0
+
+
+@pytest.mark.parametrize(("name", "off"), [("track_all", 0.5), ("track_mean", math.sqrt(0.05))])
+def test_the_recipes_kernels_fall_to_1_by_e_at_their_own_widths(name, off):
+    term = rewards.reward_cfg(T1, RECIPE)[name]
+    state = env((1.0, 0.0, 0.0), velocity=(1.0 - off, 0.0, 0.0), mean_velocity=(1.0 - off, 0.0, 0.0))
+    assert term.func(state, **term.params).item() == pytest.approx(math.exp(-1.0))
+
+
+def test_only_following_the_command_is_paid_and_a_stall_costs_half_a_fall():
+    terms = rewards.reward_cfg(T1, RECIPE)
+    paid = {name for name, term in terms.items() if term.weight > 0.0}
+    assert paid == {"track_all", "track_mean", "progress"}
+    assert 2.0 * terms["stalled"].weight == terms["fallen"].weight
