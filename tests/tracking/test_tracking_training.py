@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import torch
+from mjlab.tasks.tracking.tracking_env_cfg import make_tracking_env_cfg
 
 from pipeline.batch import ClipPool
 from pipeline.feasibility import FeasibilitySettings
@@ -171,3 +172,80 @@ def test_training_rollouts_and_kp5_have_the_same_limits(environment, root: Path)
     for term, name in terms.items():
         limit = environment.termination_manager.get_term_cfg(term).params["threshold"]
         assert limit == getattr(values, name) == getattr(kp5, name), name
+
+
+def test_a_fall_counts_in_its_second_and_the_end_of_a_clip_nowhere(environment):
+    """Two environments stand on, one is 0.5 m too low at frame 60, one reaches the end of the second clip."""
+    command = environment.command_manager.get_term("motion")
+    environment.reset()
+    command.bin_failed_count.zero_()
+    command._current_bin_failed.zero_()
+    command.time_steps[:] = torch.tensor([10, 60, 149, 110])
+    environment.sim.data.qpos[1, 2] -= 0.5
+    environment.step(torch.zeros(4, 21))
+    assert environment.termination_manager.terminated.tolist() == [False, True, False, False]
+    assert environment.termination_manager.time_outs.tolist() == [False, False, True, False]
+    assert torch.nonzero(command.bin_failed_count).flatten().tolist() == [1]
+
+
+def test_half_of_the_episodes_begin_anywhere_though_one_second_is_hard(environment):
+    command = environment.command_manager.get_term("motion")
+    environment.reset()
+    command.bin_failed_count[:] = torch.tensor([1.0, 0.0, 0.0])
+    torch.manual_seed(0)
+    begun = []
+    for _ in range(400):
+        command._adaptive_sampling(torch.arange(4))
+        begun += command.time_steps.tolist()
+    command.bin_failed_count.zero_()
+    command._current_bin_failed.zero_()
+    environment.reset()
+    elsewhere = 0.5 * (49 + 48) / (49 + 49 + 48)
+    assert np.mean(np.array(begun) >= 49) == pytest.approx(elsewhere, abs=0.05)
+
+
+def test_targets_arrive_late_by_their_lag_but_not_from_another_episode(environment):
+    environment.reset()
+    term, entity = environment.action_manager.get_term("joint_pos"), environment.scene["robot"].data
+    moved = term._index[0]
+    term._lag[:] = torch.tensor([[0], [1], [2], [2]])
+    environment.episode_length_buf[:] = torch.tensor([5, 5, 5, 0])  # the last one begins
+    term.process_actions(torch.zeros(4, 21))
+    before = term._target[:, moved].clone()
+    term.process_actions(torch.ones(4, 21))
+    late = []
+    for _ in range(4):
+        term.apply_actions()
+        late.append((entity.joint_pos_target[:, moved] - before).abs() < 1e-6)
+    assert torch.stack(late).sum(dim=0).tolist() == [0, 1, 2, 0]
+    drawn = set()
+    for _ in range(30):
+        environment.reset()
+        drawn |= set(term._lag.flatten().tolist())
+    assert drawn == {0, 1, 2}, "up to 10 ms, as rollouts have them"
+
+
+def test_an_episode_ends_where_one_hand_is_too_high(environment, robot: Robot):
+    environment.reset()
+    for env, side in enumerate(("Left", "Right")):
+        environment.sim.data.qpos[env, 7 + robot.joint(f"{side}_Shoulder_Pitch")] -= 2.6
+    environment.step(torch.zeros(4, 21))
+    assert environment.termination_manager.get_term("ee_body_pos").tolist() == [True, True, False, False]
+
+
+def test_the_path_is_worth_twice_as_much_as_in_mjlabs_task(environment):
+    weights = {name: term.weight for name, term in make_tracking_env_cfg().rewards.items()}
+    found = {name: environment.reward_manager.get_term_cfg(name).weight for name in weights}
+    assert found == {**weights, "motion_global_root_pos": 2.0 * weights["motion_global_root_pos"]}
+
+
+def test_gains_and_friction_differ_between_environments(environment, robot: Robot):
+    """Stiffness and damping of 4 robots' 23 joints, from nine tenths to eleven tenths."""
+    for name in ("stiffness", "damping"):
+        motors = environment.scene["robot"].actuators
+        factor = torch.cat([getattr(motor, name) / getattr(motor, f"default_{name}") for motor in motors], dim=1)
+        assert factor.shape == (4, 23)
+        assert 0.9 - 1e-4 <= factor.min() < 0.93 and 1.07 < factor.max() <= 1.1 + 1e-4
+    soles = [environment.sim.mj_model.geom(f"robot/{side}_foot_collision").id for side in ("left", "right")]
+    friction = environment.sim.model.geom_friction[:, soles, 0]
+    assert len(set(friction[:, 0].tolist())) == 4 and torch.equal(friction[:, 0], friction[:, 1])
