@@ -9,7 +9,8 @@ import pytest
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility import Assessment, FeasibilitySettings, assess
+from pipeline.feasibility import Assessment, FeasibilitySettings, Verdict, assess
+from pipeline.feasibility.foot_criteria import _sliding_stances
 from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
 from pipeline.robot import Robot
@@ -188,3 +189,61 @@ def test_a_limb_may_pass_its_motors_speed_for_a_moment_and_not_longer(
 ):
     found = _assess(_swings(standing(robot), robot, frames), robot, limits)
     assert {verdict.code for verdict in found.broken if verdict.code.startswith("joint_speed")} == broken
+
+
+def _verdicts(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> dict[str, Verdict]:
+    return {verdict.code: verdict for verdict in _assess(clip, robot, limits).verdicts}
+
+
+@pytest.mark.parametrize("by", [-0.2, 0.0, 0.1])
+def test_the_roots_height_is_a_share_of_that_of_a_robot_that_stands(robot, limits, by):
+    raised = _moved(standing(robot), np.array([0.0, 0.0, by * robot.default_root_height]))
+    found = _verdicts(raised, robot, limits)
+    for code in ("root_height_min", "root_height_max"):
+        assert found[code].value == pytest.approx(1.0 + by, abs=1e-6)
+
+
+def test_the_limit_of_slip_grows_with_the_speed_over_ground(robot, limits):
+    at_speed = {}
+    for speed in (0.0, 0.3, 0.9):
+        path = speed * np.arange(100)[:, None] / 50.0 * [0.6, 0.8, 0.0]
+        at_speed[speed] = _verdicts(_moved(standing(robot), path), robot, limits)
+    for code, (least, by_speed) in {
+        "foot_slip_p95": limits.feet.slip_p95,
+        "foot_slip_mean": limits.feet.slip_mean,
+        "foot_told_slip_mean": limits.feet.told_slip_mean,
+    }.items():
+        first, second, third = (found[code].limit for found in at_speed.values())
+        assert first == pytest.approx(least, abs=1e-6)
+        assert second - first == pytest.approx(0.3 * by_speed, rel=0.02)
+        assert third - second == pytest.approx(2.0 * (second - first), rel=0.02)
+
+
+def test_a_stance_is_blamed_for_its_mean_slip_and_not_for_a_moment():
+    slip, standing_feet = np.full((100, 2), 0.02), np.zeros((100, 2), dtype=bool)
+    standing_feet[10:40, 0] = standing_feet[50:80, 1] = True
+    slip[20, 0] = 0.5  # a moment: 0.036 m/s on average
+    slip[50:80, 1] = 0.2
+    assert np.flatnonzero(_sliding_stances(slip, standing_feet, 0.1)).tolist() == list(range(50, 80))
+
+
+def test_frames_in_which_a_sole_is_two_centimetres_too_low_are_blamed(robot, limits):
+    path = np.zeros((100, 3))
+    path[30:70, 2] = -0.02
+    found = _verdicts(_moved(standing(robot), path), robot, limits)
+    assert found["penetration_max"].holds, "it is not deep"
+    bad = found["penetration_p95"].bad
+    assert not found["penetration_p95"].holds and bad is not None
+    assert np.flatnonzero(bad).tolist() == list(range(30, 70))
+
+
+def test_legs_that_touch_by_a_centimetre_count_for_the_share_alone(robot, limits):
+    """The hips close until the legs overlap by about a centimetre, in the first 40 of 100 frames."""
+    for roll in np.arange(0.02, 0.3, 0.005):
+        closed = np.where(np.arange(100) < 40, roll, 0.0)
+        legs = _joint(_joint(standing(robot), robot, "Left_Hip_Roll", -closed), robot, "Right_Hip_Roll", closed)
+        found = _verdicts(legs, robot, limits)
+        if found["self_collision_depth"].value > 0.008:
+            break
+    assert found["self_collision_depth"].value < 0.018 and found["self_collision_depth"].holds
+    assert found["self_collision_share"].value == pytest.approx(0.4)

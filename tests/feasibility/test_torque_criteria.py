@@ -7,13 +7,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from pipeline.clips.robot_clip import RobotClip
+from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.feasibility import FeasibilitySettings, Verdict, assess, process
 from pipeline.feasibility.judgement import NUMBER, from_text
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.torque_criteria import CODES as FORCES
-from pipeline.feasibility.torque_criteria import centre_of_mass, recorded_forces
+from pipeline.feasibility.torque_criteria import centre_of_mass, recorded_forces, unexplained_force
 from pipeline.files import settings
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, mujoco_model
 from tests.factories.robot_clips import standing, wandering
 from tests.factories.simulated_clip import simulated_standing
@@ -164,3 +165,24 @@ def test_the_centre_of_mass_is_the_simulators(robot):
         data.qpos[:] = np.concatenate([clip.root_pos_w[frame], clip.root_quat_w[frame], clip.joint_pos[frame]])
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(found[frame], data.subtree_com[1], atol=1e-9)
+
+
+def test_forces_that_change_in_flight_explain_the_path_of_the_robot(robot, limits):
+    """Constant acceleration in each control step: a push begins in the flight, grows and ends."""
+    clip, weight = standing(robot), robot.total_mass * GRAVITY
+    push_w = np.zeros((clip.frame_count, 3))
+    push_w[40:60, 0], push_w[50:55, 1] = 150.0, np.linspace(0.0, 300.0, 5)
+    acceleration = push_w / robot.total_mass - [0.0, 0.0, GRAVITY]
+    dt, velocity, path = 1.0 / clip.fps, np.zeros(3), [np.array([0.0, 0.0, 30.0])]
+    for each in acceleration[:-1]:
+        path.append(path[-1] + velocity * dt + 0.5 * each * dt**2)
+        velocity = velocity + each * dt
+    forces = SimulatedForces(
+        joint_torque=np.zeros_like(clip.joint_pos),
+        foot_wrench_w=np.zeros((clip.frame_count, 2, 6)),
+        other_force_w=np.zeros((clip.frame_count, 3)),
+        push_w=push_w,
+    )
+    flying = dataclasses.replace(clip, root_pos_w=clip.root_pos_w + np.array(path), forces=forces)
+    residual = unexplained_force(motion_of(flying, robot, limits), forces)
+    assert np.linalg.norm(residual, axis=1).max() < 1e-6 * weight

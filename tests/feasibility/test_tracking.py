@@ -176,6 +176,15 @@ def test_an_arm_that_stays_away_is_told_by_how_long(robot, limits, reference, ro
     assert found["tracking_growth"].holds, "it came back"
 
 
+def test_the_frames_in_which_an_arm_stays_away_too_long_are_blamed(robot, limits, reference):
+    too_long, short_enough = (round(share * limits.tracking.away_s * 50.0) for share in (1.4, 0.7))
+    away = np.zeros(300)
+    away[50 : 50 + short_enough] = away[150 : 150 + too_long] = 1.2
+    found = _verdicts(_off(reference, robot, "Left_Shoulder_Roll", away), reference, robot, limits)["tracking_away_s"]
+    assert not found.holds and found.bad is not None
+    assert np.flatnonzero(found.bad).tolist() == list(range(150, 150 + too_long))
+
+
 @pytest.mark.parametrize(
     ("variant", "of_reference"),
     [
