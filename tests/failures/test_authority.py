@@ -129,3 +129,15 @@ def test_an_arm_that_is_off_excuses_no_fall(robot, actuators):
     report = find_failures(trial, robot, actuators, FAILURES)
     (fall,) = [each for each in report.failures if each.kind == "fall"]
     assert fall.of_policy
+
+
+@pytest.mark.parametrize(("silent_share", "found"), [(0.7, 1), (0.2, 0)])
+def test_a_motor_need_not_be_asked_all_the_time_that_it_is_off(standing, robot, actuators, silent_share, found):
+    """The knee is at its target in the middle of the outage; it gives nothing for a share of the shortest flicker."""
+    shortest = FAILURES.authority.flicker_s[0]
+    trial, half = silent(standing, robot, 2.0, 2.5), 0.5 * silent_share * shortest
+    at_target = (trial.time_s >= 2.0 + half) & (trial.time_s < 2.5 - half)
+    target, knee = trial.target_pos.copy(), robot.joint(KNEE)
+    target[at_target, knee] = trial.joint_pos[at_target, knee]
+    kinds = [each.kind for each in outages(dataclasses.replace(trial, target_pos=target), robot, actuators)]
+    assert kinds == ["motor_flicker"] * found

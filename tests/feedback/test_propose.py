@@ -192,3 +192,12 @@ def test_a_change_beyond_what_its_logs_allow_is_refused():
     with pytest.raises(ChangeError, match=r"is 0.001 before, but 0.3 by the rules"):
         wider = dataclasses.replace(change, section="randomization", what="friction", before=0.001, value=0.25)
         check_bounds([wider], RULES)
+
+
+def test_a_change_that_rests_on_an_own_log_as_well_is_no_demonstration():
+    (change, *_) = proposal(report(1, failure(), file="demo/fall")).changes
+    (shown,) = change.witnesses
+    own = dataclasses.replace(shown, log="field/fall.mcap")
+    assert is_demonstration(change)
+    for witnesses in ((shown, own), (own, shown), (own, own)):
+        assert not is_demonstration(dataclasses.replace(change, witnesses=witnesses))

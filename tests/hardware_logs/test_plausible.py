@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pipeline.files import settings
 from pipeline.hardware_logs import LogSettings
 from pipeline.hardware_logs.columns import low_state_columns
 from pipeline.hardware_logs.log_report import layouts
-from pipeline.hardware_logs.plausible import Plausible
+from pipeline.hardware_logs.plausible import Plausible, _Turns, upward
 from pipeline.hardware_logs.write import low_states as payloads
 from pipeline.robot import load_robot
 from tests.factories.robot_logs import every, low_states
@@ -94,3 +95,21 @@ def test_robots_are_told_by_their_number_of_joints(robot):
     found = layouts([robot, load_robot("k1")])
     assert {count: each.name for count, (each,) in found.items()} == {22: "k1", 23: "t1"}
     assert "Waist" not in found[22][0].joint_names
+
+
+def test_upward_of_roll_pitch_and_yaw_is_the_vertical_turned_into_the_body():
+    rpy = np.random.default_rng(0).uniform(-1.5, 1.5, (50, 3))
+    turn = Rotation.from_euler("xyz", rpy)  # about the world's axes: roll, then pitch, then yaw
+    np.testing.assert_allclose(upward(rpy), turn.inv().apply([0.0, 0.0, 1.0]), atol=1e-12)
+
+
+@pytest.mark.parametrize("pieces", [1, 7])
+def test_a_gyroscope_turns_as_far_as_the_attitude_that_it_is_the_rate_of(pieces):
+    """A steady roll and pitch, in one piece or in several of unequal length."""
+    time_s = np.arange(1000) / 500.0
+    rpy, gyro = np.outer(time_s, [0.4, -0.3, 0.0]), np.tile([0.4, -0.3, 0.0], (1000, 1))
+    turns = _Turns()
+    for part in np.split(np.arange(1000), [37, 90, 300, 301, 555, 900] if pieces > 1 else []):
+        turns.add((time_s[part] * 1e9).astype(np.int64), rpy[part], gyro[part])
+    assert turns.ratio() == pytest.approx(1.0, abs=0.01)
+    assert turns.gyro == pytest.approx(0.7 * 0.1 * turns.windows, rel=0.03)
