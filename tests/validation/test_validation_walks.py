@@ -18,6 +18,7 @@ from pipeline.validation.figures import measure, numbers_of
 from pipeline.validation.suites import named, push_cells
 from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, Start, Trial, VelocityCommand
 from pipeline.validation.walk import Branches, Worlds, drawn_start, ground_of, walk
+from pipeline.virtual_robot.trial import NOISE as AT_REST
 from tests.factories.policies import random_policy, still_policy
 from tests.factories.policy_walks import anchor
 
@@ -174,3 +175,16 @@ def test_gains_that_travel_with_a_policy_are_those_it_walks_with(root: Path, pub
     )
     one = deployed(root / "robots" / "t1", dataclasses.replace(published, gains=gains))
     np.testing.assert_allclose(one.motors().kp, 0.5 * robot.kp)
+
+
+def test_sensor_noise_is_several_times_that_of_a_robot_at_rest():
+    """Every width, against the noise of the virtual robot's sensors, in the cells that name it and in no other."""
+    cells = condition_cells((0,))
+    noisy = [trial.conditions.noise for cell in cells for trial in cell.trials if cell.name.startswith("sensor noise")]
+    assert len(noisy) == 2
+    for found in noisy:
+        assert found is not None
+        times = [width / getattr(AT_REST, name) for name, width in vars(found).items()]
+        assert min(times) >= 3.0 and max(times) <= 10.0
+    others = [cell for cell in cells if not cell.name.startswith("sensor noise")]
+    assert all(trial.conditions.noise is None for cell in others for trial in cell.trials)
