@@ -12,6 +12,7 @@ from assets.plan import EXPORTS, Plan, group_of, plans, robot_plans
 from assets.report import robot_asset
 from assets.robot_motions import robot_assets
 from pipeline.batch import Manifest
+from pipeline.batch.code_version import BELOW_ALL_STAGES
 from pipeline.project import PROJECT, Project
 
 LINEAGE = {
@@ -225,6 +226,20 @@ def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(fil
         path.write_text(yaml.safe_dump(changed))
         found = {name for name, plan in named.items() if plan.fingerprint(project) != before[name]}
         assert found == stale, (*sections, last)
+
+
+def test_every_settings_file_is_an_input_of_some_asset(root):
+    files = {path.name for path in (root / "data").glob("*.yaml")}
+    taken = {name for plan in plans(PROJECT).values() for name in plan.settings_files}
+    assert files - taken == {"database.yaml"}, "which decides whether a database is written and not what is in it"
+
+
+def test_every_package_is_the_code_of_some_asset_or_of_no_result(root):
+    packages = {path.parent.name for path in (root / "pipeline").glob("*/__init__.py")}
+    taken = {name for plan in plans(PROJECT).values() for name in plan.packages}
+    shown = {"cli", "curation_page", "viewing"}
+    before = {"generator", "project", "robot_check", "robot_import"}
+    assert packages - taken - {*BELOW_ALL_STAGES} == shown | before
 
 
 def test_below_kp5_lie_the_database_and_what_is_made_of_it_alone():
