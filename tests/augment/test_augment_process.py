@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.augment import AugmentSettings, process
 from pipeline.augment.mirror import time_scale_clip, time_scale_numbers
-from pipeline.augment.process import Strengths
+from pipeline.augment.process import Strengths, perturbed_numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import SettingsError
 from pipeline.files import settings
@@ -113,3 +113,13 @@ def test_a_mirror_image_at_another_speed_has_the_bits_of_its_own_spline(robot: R
         own = time_scale_clip(image, scale, f"{image.name}~x{scale:g}")
         for field in ("root_pos_w", "root_quat_w", "joint_pos"):
             assert getattr(pieces[own.name], field).tobytes() == getattr(own, field).tobytes()
+
+
+def test_longer_steps_are_faster_in_every_direction_at_the_same_turn():
+    observed = {"forward_m_s": 1.0, "lateral_m_s": -0.4, "yaw_rate_rad_s": 0.5}
+    found = perturbed_numbers(observed, "step_length", 1.2)
+    assert {name: found[name] for name in observed} == pytest.approx(
+        {"forward_m_s": 1.2, "lateral_m_s": -0.48, "yaw_rate_rad_s": 0.5}
+    )
+    lifted = perturbed_numbers(observed, "foot_lift", 0.03)
+    assert {name: lifted[name] for name in observed} == observed

@@ -17,6 +17,7 @@ from pipeline.export.card import read_card
 from pipeline.export.folder import Source, complete_export, export_policy, read_export, thinned
 from pipeline.export.metadata import SHIPPABLE, ExportError, shipping, trained_task
 from pipeline.export.parity import read_golden
+from pipeline.validation.cells import command_cells
 from tests.factories.networks import network, network_file
 from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
 
@@ -194,6 +195,15 @@ def test_golden_readings_are_a_robots(export, robot):
     np.testing.assert_array_equal(frames[30, -1, 51:], golden.action[29])
 
 
+def test_the_golden_gyroscope_is_the_rate_at_which_gravity_turns(export):
+    """A vector that is fixed in the world turns in the body's frame by g x w; steps by the trapezoidal rule."""
+    golden = read_golden(export.folder / "golden.npz")
+    turning = np.cross(golden.gravity_b, golden.gyro_b)
+    rate, expected = np.diff(golden.gravity_b, axis=0) / 0.02, 0.5 * (turning[1:] + turning[:-1])
+    assert np.abs(expected).max() > 0.1
+    assert np.linalg.norm(rate - expected) < 0.2 * np.linalg.norm(expected)
+
+
 def test_the_task_of_booster_deploy_has_the_policys_numbers(export, robot):
     with vendor_modules(robot) as registered:
         import_task(export.folder / "booster_deploy" / "tasks" / "booster_lab")
@@ -206,6 +216,16 @@ def test_the_task_of_booster_deploy_has_the_policys_numbers(export, robot):
     assert cfg.policy.policy_joint_names == list(export.task.policy_joints)
     assert (cfg.policy.action_scale, cfg.policy.actor_obs_history_length) == (0.25, 10)
     assert 0.0 <= cfg.mujoco.init_pos[2] - robot.default_root_height < 0.01
+
+
+def test_the_joystick_commands_nothing_beyond_what_is_validated(export, robot):
+    """Forward, sideways and turning, in both directions; at least half of the speed that is validated."""
+    with vendor_modules(robot) as registered:
+        import_task(export.folder / "booster_deploy" / "tasks" / "booster_lab")
+    sticks = registered["booster_lab_walk"].vel_command
+    validated = np.max([cell.trials[0].command.last.goal for cell in command_cells((0,))], axis=0)
+    for largest, most in zip((sticks.vx_max, sticks.vy_max, sticks.vyaw_max), validated, strict=True):
+        assert 0.5 * most <= largest <= most
 
 
 def test_the_vendors_inference_gives_the_golden_targets(export, robot):
