@@ -9,7 +9,7 @@ import pytest
 from pipeline import rotation
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility.motion import motion_of
-from pipeline.feasibility.root_criteria import root_height, root_jerk, root_speeds
+from pipeline.feasibility.root_criteria import root_jerk, root_speeds
 from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
@@ -35,9 +35,3 @@ def test_a_sway_has_the_derivatives_of_its_sine(robot: Robot, limits: Feasibilit
     found = [each.value for each in (*root_speeds(motion, limits.root), *root_jerk(motion, limits.root))]
     wanted = [0.1 * omega, 0.2 * omega, 0.1 * omega**2, 2.0 * 0.1 * omega**3 / np.pi]
     assert found == pytest.approx(wanted, rel=0.05)
-
-
-def test_the_height_is_a_share_of_that_of_the_default_pose(robot: Robot, limits: FeasibilitySettings):
-    clip = standing(robot, 2.0)
-    lowest, _ = root_height(motion_of(clip, robot, limits), limits.root)
-    assert lowest.value == pytest.approx(clip.root_pos_w[0, 2] / robot.default_root_height, rel=1e-6)
