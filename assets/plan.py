@@ -50,7 +50,7 @@ class Plan:
     shipped_policies: bool = False
     """Whether it depends on the policies that ship with the robot."""
     every_robot: bool = False
-    """Whether it depends on the folders of all robots: readers and logs of hardware find out whose motion it is."""
+    """Whether it depends on the folders of all robots: a log of hardware is of one of them."""
     policies_at_hand: bool = False
     """Whether it depends on the files of all policies at hand, of all robots: a log names its policy by digest."""
 
@@ -114,7 +114,6 @@ SHARED = (
         SOURCES,
         ("catalog", "readers", "hardware_logs"),
         ("catalog.yaml", "sources.yaml", "hardware_logs.yaml"),
-        every_robot=True,
     ),
     Plan("selected_motions", SELECTION, ("selection", "feedback"), ("curation.yaml",)),
     Plan("repaired_motions", REPAIR, ("repair",), ("repair.yaml",)),

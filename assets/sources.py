@@ -8,11 +8,12 @@ from typing import Any
 
 import dagster as dg
 
-from assets.plan import external
+from assets.plan import digest_of_robots, external
 from pipeline.files import digest
 from pipeline.files.shown_text import markdown_table
 from pipeline.project import Project
 from pipeline.readers import SourcesInUse, content_digest, list_files, list_motion_files, source_warnings
+from pipeline.readers.read_motion import may_be_of_a_robot
 from pipeline.readers.remembered import VARIABLE, check_sources, remember
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
@@ -32,6 +33,7 @@ raw_motions = external("raw_motions", None, FOLDERS)
 class Motions:
     """The motion files of all sources, as they are now."""
 
+    project: Project
     sources: SourcesInUse
     paths: Mapping[str, list[Path]]
     """Name of a source -> its motion files."""
@@ -42,8 +44,11 @@ class Motions:
         return {name: len(paths) for name, paths in self.paths.items()}
 
     def files(self) -> list[tuple[str, Path, str, tuple]]:
-        """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`."""
-        files = []
+        """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`.
+
+        What may hold a robot's motion is also read with what the folders of all robots say.
+        """
+        files, robots = [], digest_of_robots(self.project)
         for source in self.sources.all:
             paths = self.paths[source.name]
             stems = [path.relative_to(source.folder).with_suffix("").as_posix() for path in paths]
@@ -51,7 +56,10 @@ class Motions:
             for path, stem in zip(paths, stems, strict=True):
                 within = path.relative_to(source.folder).as_posix()
                 name = f"{source.name}/{stem if count[stem] == 1 else within}"
-                files.append((name, path, content_digest(path, source), (source, within)))
+                content = content_digest(path, source)
+                if may_be_of_a_robot(path):
+                    content = digest.of_json([content, robots])
+                files.append((name, path, content, (source, within)))
         return files
 
     def warnings(self) -> list[str]:
@@ -67,7 +75,8 @@ class Motions:
 def find_motions(project: Project) -> Motions:
     """The motion files of all sources. Raises SourceLostError where one that earlier runs used is not there."""
     sources = project.sources()
-    found = Motions(sources=sources, paths={source.name: list_motion_files(source) for source in sources.all})
+    paths = {source.name: list_motion_files(source) for source in sources.all}
+    found = Motions(project=project, sources=sources, paths=paths)
     check_sources(project.remembered_sources, sources, found.counts)
     return found
 

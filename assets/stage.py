@@ -8,7 +8,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.checks import evaluate
-from assets.plan import Plan, digest_of_robot, digest_of_robots
+from assets.plan import Plan, digest_of_robot
 from assets.report import curator_link, result_of, table_of
 from pipeline.batch import Manifest, Stage
 from pipeline.batch.shard import MISSING
@@ -42,9 +42,6 @@ def stage_of(
     """
     if plan.robot and robot_files is None:
         robot_files = digest_of_robot(PROJECT, plan.robot)
-    depends = {"robot_files": robot_files} if robot_files else {}
-    if plan.every_robot:
-        depends["robots"] = digest_of_robots(PROJECT)
     return Stage(
         name=name or plan.name,
         version=plan.code_version(),
@@ -52,7 +49,7 @@ def stage_of(
         prepare=prepare,
         together=together,
         settings=settings.plain(values) if values is not None else {},
-        depends=depends,
+        depends={"robot_files": robot_files} if robot_files else {},
         robot=plan.robot or "",
     )
 

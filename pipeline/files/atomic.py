@@ -63,10 +63,13 @@ def only_writer(path: Path) -> Iterator[None]:
     """Keep other writers of the file waiting, from reading it to writing what was changed. Makes its folder.
 
     The lock is on the folder, since `path` is another file after each write; so writers of two files of one folder wait
-    for each other, and locks must not be nested.
+    for each other, and locks must not be nested. Raises FileError where the disk refuses.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle = os.open(path.parent, os.O_RDONLY)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path.parent, os.O_RDONLY)
+    except OSError as error:
+        raise FileError(path, f"could not be written ({error}); {_room(path.parent)}") from error
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

@@ -207,3 +207,8 @@ _READERS: dict[str, Callable[[Path, Statement], RawMotion | RobotMotion]] = {
 
 SUFFIXES = tuple(_READERS)
 """Suffixes of motion files."""
+
+
+def may_be_of_a_robot(path: Path) -> bool:
+    """Whether a file of this kind may hold a robot's motion, which is read with what the folders of robots say."""
+    return path.suffix.lower() in {".csv", ".mcap", ".npz", ".pkl", ".pt"}

@@ -11,6 +11,7 @@ from assets.freshness import topological
 from assets.plan import EXPORTS, Plan, group_of, plans, robot_plans
 from assets.report import robot_asset
 from assets.robot_motions import robot_assets
+from assets.sources import find_motions
 from pipeline.batch import Manifest
 from pipeline.batch.code_version import BELOW_ALL_STAGES
 from pipeline.project import PROJECT, Project
@@ -263,11 +264,23 @@ def copied(root, tmp_path) -> Project:
 
 def test_what_is_asked_of_all_robots_follows_each_robots_folder(copied):
     asked = [plan for plan in plans(copied).values() if plan.every_robot]
-    assert {plan.name for plan in asked} == {"motion_catalog", "hardware_trials", "failure_modes"}
+    assert {plan.name for plan in asked} == {"hardware_trials", "failure_modes"}
     before = [plan.fingerprint(copied) for plan in asked]
     aliases = copied.robot_folder("k1") / "joints.csv"
     aliases.write_text(aliases.read_text() + "\n")
     assert not set(before) & {plan.fingerprint(copied) for plan in asked}
+
+
+def test_files_that_may_hold_a_robots_motion_follow_each_robots_folder(copied, tmp_path):
+    (copied.root / "data" / "motions").mkdir()
+    copied.settings("sources.yaml").write_text("sources:\n  - {name: mine, folder: motions, licence: MIT}\n")
+    for name in ("person.bvh", "robot.csv"):
+        (copied.root / "data" / "motions" / name).write_text("root_x,root_y\n1,2\n")
+    before = {name: content for name, _, content, _ in find_motions(copied).files()}
+    joints = copied.robot_folder("k1") / "joints.csv"
+    joints.write_text(joints.read_text() + "\n")
+    after = {name: content for name, _, content, _ in find_motions(copied).files()}
+    assert {name for name in before if before[name] != after[name]} == {"mine/robot"}
 
 
 def test_failures_follow_the_policies_at_hand(copied):
