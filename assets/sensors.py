@@ -85,7 +85,8 @@ def behind(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, 
         plans = {plan.name: plan for plan in SHARED} | robot_plans(robot)
         if last_tags(instance, plans["expert_db"].key) is None:
             continue
-        in_database = None if was_restored(project.expert_db(robot)) else _in_database(project, robot)
+        restored = was_restored(project.expert_db(robot), project.feedback.approved)
+        in_database = None if restored else _in_database(project, robot)
         for section in PARTS:
             name = "selected_motions" if section in SHARED_PARTS else USED_BY.get(section)
             if name is None:
@@ -119,7 +120,8 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
     except (PipelineError, OSError) as error:
         return dg.SkipReason(str(error))
     if not late:
-        restored = [robot for robot in project.robots if was_restored(project.expert_db(robot))]
+        approved = project.feedback.approved
+        restored = [robot for robot in project.robots if was_restored(project.expert_db(robot), approved)]
         left = f"; a person restored those of {', '.join(restored)}, which are left as they are" if restored else ""
         return dg.SkipReason(f"no database is behind what is approved{left}")
     reasons = "; ".join(f"{key.to_user_string()}: {why}" for key, why in sorted(late.items()))
@@ -167,7 +169,7 @@ ingest_logs = dg.define_asset_job(
 
 
 def _reached_the_page(instance: dg.DagsterInstance, mark: dict[str, str]) -> bool:
-    """Whether failures, proposal and report are of the last trials, which a person may have ingested by themselves, or
+    """Whether failures, proposal and report are of the last trials, which a person may have ingested by hand, or
     a run with this mark made them."""
     done = dg.RunsFilter(job_name=ingest_logs.name, tags=mark, statuses=[dg.DagsterRunStatus.SUCCESS])
     if instance.get_runs(filters=done, limit=1):

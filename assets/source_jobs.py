@@ -11,6 +11,7 @@ from assets.bootstrap import work_again
 from assets.report import as_failure
 from assets.sources import SOURCES, SOURCES_NAME
 from pipeline.batch.again import working_again_on
+from pipeline.errors import UnknownNameError
 from pipeline.project import PROJECT
 
 
@@ -23,7 +24,7 @@ def work_on_source_again(context: dg.OpExecutionContext):
     """Run all stages and the databases, with the clips of the partition's source worked on again."""
     source, known = context.partition_key, context.instance.get_dynamic_partitions(SOURCES_NAME)
     if source not in known:  # a run that is launched by its tag is not checked by Dagster
-        raise dg.Failure(f"there is no source '{source}'; there are: {', '.join(known)}.", allow_retries=False)
+        raise dg.Failure(str(UnknownNameError("source", source, list(known))), allow_retries=False)
     with as_failure(), working_again_on([f"{source}/"]):
         work_again(context.instance, context.run, PROJECT, context.log)
 

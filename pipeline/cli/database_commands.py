@@ -29,7 +29,7 @@ def database(args: Database) -> int:
             raise PipelineError("name the version to restore; there are those of: booster-lab database list")
         store, holder = project.store.root, f"booster-lab database restore {args.version}"
         with alone(store, holder) if store.is_dir() else contextlib.nullcontext():
-            made = history.restore(folder, args.version)
+            made = history.restore(folder, args.version, project.feedback.approved)
         print(f"{folder}: {made.name} is in place, {made.clips} clips, {made.seconds:.1f} s.")
         print(f"It stays until the next run, as `{_making(args.robot)}`, writes that of the present sources again.")
         return 0

@@ -68,6 +68,7 @@ def robot_folder(project: Project, name: str) -> Path:
 
 def deployed_policy(robot: Path, policy: Path, ankle_kd: float | None) -> Deployed:
     """A policy on the robot of a folder, its ankles damped with `ankle_kd` [N m s/rad] where that is given."""
+    load_robot(robot)  # its own faults first: what follows is of the policy
     found = policy_of(policy, robot)
     try:
         one = deployed(robot, found)

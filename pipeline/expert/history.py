@@ -137,9 +137,10 @@ def prune(folder: Path, kept_versions: int) -> None:
         shutil.rmtree(path)
 
 
-def restore(folder: Path, name: str) -> Version:
+def restore(folder: Path, name: str, approved: Path | None = None) -> Version:
     """Put a version in place; the one that was there becomes the newest of the history.
 
+    `approved` is the file of approved changes: the version counts as restored while that stays as it is.
     Raises UnknownNameError, DatabaseError where the version is not whole, FileError where the disk refuses or another
     process writes the database. In each case the database in place is unchanged.
     """
@@ -147,22 +148,28 @@ def restore(folder: Path, name: str) -> Version:
     if name not in versions:
         raise UnknownNameError("version", name, list(versions))
     check_database(versions[name].folder)
+    atomic.write_text(_restored_note(folder), _restored_as(versions[name].folder, approved))
     swap.put_in_place(folder, versions[name].folder, lambda old: keep(folder, old))
-    atomic.write_text(_restored_note(folder), digest.of_file(folder / manifest.FILE))
     return describe(folder, name)
 
 
-def was_restored(folder: Path) -> bool:
-    """Whether a person put the version in place there."""
+def was_restored(folder: Path, approved: Path | None = None) -> bool:
+    """Whether a person put the version in place there, and nothing else was approved since."""
     try:
-        return _restored_note(folder).read_text(encoding="utf-8") == digest.of_file(folder / manifest.FILE)
+        return _restored_note(folder).read_text(encoding="utf-8") == _restored_as(folder, approved)
     except OSError:
         return False
 
 
 def _restored_note(folder: Path) -> Path:
-    """The file beside a database that holds the digest of the manifest that was restored last."""
+    """The file beside a database that says what was restored last."""
     return swap.beside(folder, "restored")
+
+
+def _restored_as(version: Path, approved: Path | None) -> str:
+    """Digest of a version's manifest and of what was approved when it was restored."""
+    answers = digest.of_file(approved) if approved is not None and approved.is_file() else ""
+    return digest.of_json([digest.of_file(version / manifest.FILE), answers])
 
 
 def _next_name(folder: Path, version: Path) -> str:

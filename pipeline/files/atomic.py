@@ -71,7 +71,10 @@ def only_writer(path: Path) -> Iterator[None]:
     except OSError as error:
         raise FileError(path, f"could not be written ({error}); {_room(path.parent)}") from error
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        except OSError as error:
+            raise FileError(path, f"its folder can't be locked ({error}).", "Keep it on a disk that can.") from error
         yield
     finally:
         os.close(handle)

@@ -240,7 +240,7 @@ def content_digest(path: Path, source: Source) -> str:
     stated, others = source.statement_of(path), []
     if path.suffix.lower() == ".amc":
         others += sorted(each for each in path.parent.iterdir() if each.suffix.lower() == ".asf")
-    if path.suffix.lower() == ".gltf":
+    if path.suffix.lower() == ".gltf" and can_be_followed(path, source.folder):
         others += files_beside(path)
     # a skeleton without a suffix is one of the project's maps
     others += [Path(each) for each in (stated.skeleton, stated.body_model) if each is not None and Path(each).suffix]

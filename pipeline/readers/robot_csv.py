@@ -107,10 +107,10 @@ def _root_columns(path: Path, header: list[str], line: int) -> list[int]:
 
 
 def _columns(header: list[str], names: tuple[str, ...], usual: range) -> dict[str, int]:
-    """Columns of the names in a header. Where it has none of them, the usual columns may have other names that differ
-    in their last letter alone, such as `qw` or `root_rot_w`."""
+    """Columns of the names in a header. Where it lacks one, the usual columns may have other names with the same last
+    letters, such as `qw` or `root_rot_w`, but not that of a joint's yaw."""
     found = [name.lower() for name in header]
     columns = {name: found.index(name) for name in names if name in found}
-    letters = {found[column][-1:]: column for column in usual}
-    alike = len({found[column][:-1] for column in usual}) == 1 and set(letters) == {name[-1] for name in names}
-    return {name: letters[name[-1]] for name in names} if alike and not columns else columns
+    letters = {found[column][-1:]: column for column in usual if not found[column].endswith("yaw")}
+    usable = len(columns) < len(names) and set(letters) == {name[-1] for name in names}
+    return {name: letters[name[-1]] for name in names} if usable else columns

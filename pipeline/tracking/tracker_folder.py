@@ -65,8 +65,11 @@ def write_tracker_folder(
         figures: those of the nominal rollouts of its clips
         made: `command` and `commit`
 
-    Raises FileError where the run lacks a file.
+    Raises FileError where the run lacks a file, or `folder` holds other files than a tracker's.
     """
+    strange = sorted({path.name for path in folder.glob("*")} - {NETWORK, CURVES, CARD})
+    if strange:
+        raise FileError(folder, f"it holds other files than a tracker's ({strange[0]}).", "Name an empty folder.")
     for name in (NETWORK, CURVES, CONFIG):
         if not (run / name).is_file():
             raise FileError(run / name, "it is missing: the run has not ended.", "Repeat its command with --resume.")

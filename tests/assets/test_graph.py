@@ -290,6 +290,9 @@ def test_failures_follow_the_policies_at_hand(copied):
     policy.parent.mkdir(parents=True)
     policy.write_bytes(b"a policy")
     assert failures.fingerprint(copied) != before
+    (policy.parent / "lost.npz").symlink_to(policy.parent / "nowhere")
+    (policy.parent / "folder.npz").mkdir()
+    assert failures.fingerprint(copied) != before, "what can't be read stops no run"
 
 
 @pytest.mark.parametrize(

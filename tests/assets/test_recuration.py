@@ -19,10 +19,10 @@ from assets.sensors import (
     recurate,
 )
 from pipeline.batch import Manifest
+from pipeline.expert import history
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.approved import noting
 from pipeline.feedback.change import proposal_digest
-from pipeline.files import digest
 from pipeline.project import PROJECT, Project
 from tests.factories.feedback_project import feedback_project, note_materialized, propose_into, two_falls
 from tests.factories.trial_reports import proposal
@@ -115,11 +115,13 @@ def test_a_restored_database_stays_until_something_else_is_approved(project):
         approve(project, "augmentation")
         note_materialized(instance, project)
         assert isinstance(tick(instance), dg.RunRequest), "it did not hear of the approval"
-        manifest = project.expert_db("t1") / "manifest.json"
-        (project.expert_db("t1").parent / ".t1.restored").write_text(digest.of_file(manifest))
+        folder, approved = project.expert_db("t1"), project.feedback.approved
+        (folder.parent / ".t1.restored").write_text(history._restored_as(folder, approved))
         assert str(tick(instance)).endswith("; a person restored those of t1, which are left as they are")
         approve(project, "weights")
         assert behind(instance, project) == {DATABASE: "approved_weights changed"}
+        note_materialized(instance, project)
+        assert list(behind(instance, project)) == [DATABASE], "the stages ran, and then the run died"
 
 
 @pytest.mark.parametrize("section", ["selection", "augmentation", "weights", "motors"])

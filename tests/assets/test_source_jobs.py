@@ -102,4 +102,4 @@ def test_a_run_that_is_launched_by_the_tag_of_no_source_works_on_nothing(instanc
         instance=instance, tags=tags, resources={"io_manager": object()}, raise_on_error=False
     )
     (failed,) = (each for each in done.all_events if each.is_step_failure)
-    assert "there is no source 'nowhere'; there are: walks." in str(failed.event_specific_data)
+    assert "unknown source 'nowhere'; there are: walks" in str(failed.event_specific_data)

@@ -26,7 +26,10 @@ def test_the_columns_of_the_root_may_be_anywhere(tmp_path):
     assert_truth(read_motion(path, "clip").clip)
 
 
-@pytest.mark.parametrize("root", ["root_x root_y root_z qx qy qz qw", "X Y Z rot.x rot.y rot.z rot.w"])
+@pytest.mark.parametrize(
+    "root",
+    ["root_x root_y root_z qx qy qz qw", "X Y Z rot.x rot.y rot.z rot.w", "pos_x pos_y root_z quat_x quat_y quat_z qw"],
+)
 def test_other_names_of_the_root_are_known_by_their_last_letters(tmp_path, root):
     path = write_csv(tmp_path / "clip.csv", csv_rows(), [*root.split(), *HEADER[7:]], "# fps: 50")
     assert_truth(read_motion(path, "clip").clip)

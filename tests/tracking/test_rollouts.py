@@ -241,6 +241,9 @@ def test_a_tracker_folder_is_replaced_as_a_whole(
     (folder / NETWORK).write_bytes(b"damaged")
     write_tracker_folder(folder, run, 1, bundle, {}, {})
     assert read_card(folder).clips == ("test/a", "test/b")
+    with pytest.raises(FileError, match="it holds other files than a tracker's"):
+        write_tracker_folder(run, run, 1, bundle, {}, {})
+    assert (run / CONFIG).is_file()
 
 
 def _world(clip: RobotClip, robot: Robot, shipped: Path, disturbance: Disturbance = NONE) -> _World:
