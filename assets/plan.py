@@ -6,7 +6,6 @@ No heavy imports here.
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from pathlib import Path
 from typing import Any
 
 import dagster as dg
@@ -77,21 +76,14 @@ class Plan:
         if self.every_robot:
             parts.append(digest_of_robots(project))
         if self.policies_at_hand:
-            found = {_content(path) for name in project.robots for path in project.policy_files(name)}
+            paths = {path for name in project.robots for path in project.policy_files(name)}
+            found = {digest.of_file_or_fault(path) for path in paths}
             parts.append(sorted(found))
         return digest.of_json(parts)[:FINGERPRINT_DIGITS]
 
     def takes_as_it_is(self, parent: dg.AssetKey) -> bool:
         """Whether an input is taken as it is."""
         return parent.path[-1] in self.as_they_are
-
-
-def _content(path: Path) -> str:
-    """Digest of a file, or why it can't be read."""
-    try:
-        return digest.of_file(path)
-    except OSError as error:
-        return f"{path.name}: {error.strerror}"
 
 
 def digest_of_robot(project: Project, robot: str) -> str:

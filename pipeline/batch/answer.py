@@ -15,7 +15,7 @@ from pipeline.batch.rows import Entry
 from pipeline.batch.store import Store
 from pipeline.clips.codec import faults_of
 from pipeline.clips.outcome import Clip, Numbers, Outcome, Piece
-from pipeline.errors import ClipError, FileError, PipelineError
+from pipeline.errors import ClipError, FileError
 from pipeline.files.blob_store import StoreError
 
 
@@ -107,7 +107,7 @@ def _answer(
         return _fault(error, name, seconds_in)
     try:
         stored = [motions.put(piece.clip) for piece in outcome.pieces]
-    except PipelineError:  # the store's own, such as a full disk: it stops the run
+    except FileError:  # the store's own, such as a full disk: it stops the run
         raise
     except Exception as error:  # a clip that cannot be encoded, which is a fault of ours too
         return _fault(error, name, seconds_in)

@@ -3,13 +3,16 @@
 The exit code is the verdict. `booster-lab play`: it walks in the browser, commanded by sliders and keys, or in a film.
 """
 
+import contextlib
 import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
 
 from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.cli.policy_arguments import CrossEngine, Play, Validate
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
+from pipeline.deployment.controller import PolicyMisfitError
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.files.csv_json import write_json
 from pipeline.project import Project, find_project
@@ -68,14 +71,18 @@ def robot_folder(project: Project, name: str) -> Path:
 
 def deployed_policy(robot: Path, policy: Path, ankle_kd: float | None) -> Deployed:
     """A policy on the robot of a folder, its ankles damped with `ankle_kd` [N m s/rad] where that is given."""
-    load_robot(robot)  # its own faults first: what follows is of the policy
-    found = policy_of(policy, robot)
-    try:
-        one = deployed(robot, found)
-    except PipelineError as error:
-        problem = f"it is not a policy of the robot in {robot}: {error}"
-        raise FileError(policy, problem, "Name the policy's robot with --robot.") from error
+    with naming_policy(policy):
+        one = deployed(robot, policy_of(policy, robot))
     return one if ankle_kd is None else with_ankle_kd(one, ankle_kd)
+
+
+@contextlib.contextmanager
+def naming_policy(policy: Path) -> Iterator[None]:
+    """Name the policy's file where it does not fit the robot, and what to do."""
+    try:
+        yield
+    except (UnknownNameError, PolicyMisfitError) as error:
+        raise FileError(policy, f"it is of another robot: {error}", "Name the policy's robot with --robot.") from error
 
 
 def policy_of(path: Path, robot: Path) -> Policy:

@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.actuators.standing import read_standing_pose
 from pipeline.cli.policy_arguments import Differences, SimulateRobot
+from pipeline.cli.policy_commands import naming_policy
 from pipeline.deployment import PolicyController, deployment_task, digest, load_policy, policy_task
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.hardware_logs import LogFacts, write_mcap
@@ -70,7 +71,8 @@ def _controller(project: Project, robot: Robot, args: SimulateRobot) -> tuple[Co
         return ScriptedController(task, script), script.digest
     path = args.policy or _shipped(project, robot)
     policy = load_policy(path)
-    return PolicyController(policy_task(robot, policy), policy), digest(policy)
+    with naming_policy(path):
+        return PolicyController(policy_task(robot, policy), policy), digest(policy)
 
 
 def _shipped(project: Project, robot: Robot) -> Path:

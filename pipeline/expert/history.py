@@ -141,6 +141,7 @@ def restore(folder: Path, name: str, approved: Path | None = None) -> Version:
     """Put a version in place; the one that was there becomes the newest of the history.
 
     `approved` is the file of approved changes: the version counts as restored while that stays as it is.
+
     Raises UnknownNameError, DatabaseError where the version is not whole, FileError where the disk refuses or another
     process writes the database. In each case the database in place is unchanged.
     """

@@ -19,6 +19,14 @@ def of_file(path: Path | str) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def of_file_or_fault(path: Path) -> str:
+    """Digest of a file, or of the reason why it can't be read."""
+    try:
+        return of_file(path)
+    except OSError as error:
+        return of_json(["unreadable", error.errno])
+
+
 def of_each(paths: Sequence[Path]) -> list[str]:
     """Digest of each file, computed in several threads. Raises OSError."""
     parts = [paths[first : first + A_THREAD] for first in range(0, len(paths), A_THREAD)]

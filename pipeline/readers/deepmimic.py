@@ -18,6 +18,7 @@ from pipeline.files import page_memory
 from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
 from pipeline.readers.raw_motion import RawMotion, TreePoses, check_unit, parent_indices
 from pipeline.readers.text_file import MAX_FRAMES, read_text
+from pipeline.readers.velocity_rate import STATE_RATE
 
 SKELETON: dict[str, tuple[str | None, tuple[float, float, float]]] = {
     "root": (None, (0.0, 0.0, 0.0)),
@@ -41,7 +42,6 @@ SKELETON: dict[str, tuple[str | None, tuple[float, float, float]]] = {
 HINGES = ("right_knee", "right_elbow", "left_knee", "left_elbow")
 FIXED = ("right_wrist", "left_wrist")
 COLUMNS = 44
-STATE_IT = "State `fps:` for it in data/sources.yaml."
 
 
 def read_deepmimic(path: Path) -> RawMotion:
@@ -132,8 +132,8 @@ def _rate(path: Path, durations_s: Float[np.ndarray, " t"]) -> tuple[float | Non
     used = durations_s[:-1] if len(durations_s) > 1 else durations_s
     typical = float(np.median(used))
     if not 1e-4 <= typical <= 1.0:
-        return None, FileError(path, f"a frame lasts {typical:g} s, wanted 0.0001 to 1.", STATE_IT)
+        return None, FileError(path, f"a frame lasts {typical:g} s, wanted 0.0001 to 1.", STATE_RATE)
     if np.max(np.abs(used - typical)) > 0.02 * typical:
         problem = f"frames last from {np.min(used):g} to {np.max(used):g} s; one rate is wanted."
-        return None, FileError(path, problem, STATE_IT)
+        return None, FileError(path, problem, STATE_RATE)
     return 1.0 / typical, None

@@ -236,7 +236,11 @@ def content_digest(path: Path, source: Source) -> str:
     names: a skeleton map of the user's own, a body model, an ASF; and the motion that it tracked, with what is stated
     of that. A motion that is a link out of the source's folder is not followed: its target's name counts.
     """
-    own = digest.of_json(["link", str(path.readlink())]) if not can_be_followed(path, source.folder) else _of(path)
+    own = (
+        digest.of_json(["link", str(path.readlink())])
+        if not can_be_followed(path, source.folder)
+        else digest.of_file_or_fault(path)
+    )
     stated, others = source.statement_of(path), []
     if path.suffix.lower() == ".amc":
         others += sorted(each for each in path.parent.iterdir() if each.suffix.lower() == ".asf")
@@ -249,16 +253,10 @@ def content_digest(path: Path, source: Source) -> str:
     try:
         named = named_reference(path, source)
         reference = None if named is None else inside(path, named, source)
-        tracked = [named] if reference is None else [named, _of(reference), source.about(reference)]
+        tracked = [named] if reference is None else [named, digest.of_file_or_fault(reference), source.about(reference)]
     except SettingsError as error:
         tracked = [str(error)]
     notes = [note.to_dict() for note in source.notes_of(path)]
-    return digest.of_json([own, [[str(each), _of(each)] for each in others], source.about(path), notes, tracked])
-
-
-def _of(path: Path) -> str:
-    """Digest of a file, or of the reason why it can't be read."""
-    try:
-        return digest.of_file(path)
-    except OSError as error:
-        return digest.of_json(["unreadable", error.errno])
+    return digest.of_json(
+        [own, [[str(each), digest.of_file_or_fault(each)] for each in others], source.about(path), notes, tracked]
+    )

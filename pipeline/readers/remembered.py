@@ -89,7 +89,7 @@ def sources_in_use(file: Path, variable: str, memory: Path, *, only_there: bool 
     if gone and not only_there:
         raise SourceLostError(memory, [(each, "is not a folder any more") for each in gone])
     for each in gone:
-        del missing[Path(each.folder)]
+        missing.pop(Path(each.folder), None)
     remembered = sources_of_environment(":".join(map(str, missing)), (*stated, *environment), missing)
     return SourcesInUse(stated=stated, environment=environment, remembered=remembered)
 

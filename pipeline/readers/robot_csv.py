@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.errors import FileError
 from pipeline.readers.robot_motion import RobotMotion
 from pipeline.readers.text_file import open_text, read_table, to_float
+from pipeline.readers.velocity_rate import STATE_RATE
 
 ROOT = 7
 """Columns of the root, the first ones where the file has no header."""
@@ -87,12 +88,11 @@ def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> tuple[floa
     step_s = np.diff(time_s)
     uneven = not len(step_s) or not np.isfinite(step_s).all() or np.ptp(step_s) > 0.02 * np.median(step_s)
     if uneven or np.median(step_s) <= 0.0:
-        do = "State `fps:` for it in data/sources.yaml, or correct the times."
-        return None, FileError(path, "the times in 'time_s' do not increase in even steps.", do)
+        return None, FileError(path, "the times in 'time_s' do not increase in even steps.", STATE_RATE)
     timed = float(1.0 / np.mean(step_s))
     if commented is not None and abs(commented - timed) > MAX_RATE_ERROR * timed:
         problem = f"its comment states {commented:g} Hz, and its times 'time_s' are {timed:g} Hz apart."
-        return None, FileError(path, problem, "Remove or correct one of them, or state `fps:` in data/sources.yaml.")
+        return None, FileError(path, problem, f"Remove or correct one of them. {STATE_RATE}")
     return commented or timed, None
 
 

@@ -46,6 +46,10 @@ def printed_rate(printed: str) -> tuple[float, tuple[Reason, ...]]:
     return fps, (Reason(code="rounded_rate", text=text, effect="noted", value=fps, unit="Hz"),)
 
 
+STATE_RATE = "State `fps:` for it in data/sources.yaml."
+"""What to do about a file whose rate is missing or wrong."""
+
+
 def frame_rate(path: Path, declared: float | None, statement: Statement, fault: FileError | None = None) -> float:
     """Frames per second [Hz]; what is stated goes before what the file declares.
 
@@ -56,10 +60,9 @@ def frame_rate(path: Path, declared: float | None, statement: Statement, fault: 
         raise fault
     fps = declared_rate(statement.fps if statement.fps is not None else declared)
     if fps is None:
-        do = "State `fps:` for it in data/sources.yaml."
-        raise AmbiguousFileError(path, "the file does not say its frame rate.", do)
+        raise AmbiguousFileError(path, "the file does not say its frame rate.", STATE_RATE)
     if not 1.0 <= fps <= 10_000.0:
-        raise FileError(path, f"the frame rate is {fps:g} Hz, wanted 1 to 10000.", "State `fps:` in data/sources.yaml.")
+        raise FileError(path, f"the frame rate is {fps:g} Hz, wanted 1 to 10000.", STATE_RATE)
     return fps
 
 

@@ -1,6 +1,5 @@
 """An asset is stale after faults of its stage, and where what it stored is not whole."""
 
-import shutil
 from pathlib import Path
 
 import dagster as dg
@@ -15,6 +14,7 @@ from pipeline.files import settings
 from pipeline.files.sourced import origins
 from pipeline.project import Project
 from pipeline.robot import Robot
+from tests.factories.bare_project import bare_project
 from tests.factories.robot_clips import standing, wandering
 
 REPAIRED = next(plan for plan in SHARED if plan.name == "repaired_motions")
@@ -24,8 +24,7 @@ FEASIBLE = robot_plans("t1")["feasible_motions"]
 @pytest.fixture
 def project(root: Path, tmp_path: Path) -> Project:
     """A project with the settings of this one and an empty store."""
-    shutil.copytree(root / "data", tmp_path / "data", ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
-    return Project(tmp_path)
+    return bare_project(root, tmp_path)
 
 
 def stored(project: Project, plan: Plan, robot: Robot) -> Manifest:

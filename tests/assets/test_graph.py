@@ -1,6 +1,5 @@
 """The graph as it is meant: keys, lineage, checks. A key misspelt would silently become an external stub."""
 
-import shutil
 from typing import Any
 
 import dagster as dg
@@ -15,6 +14,7 @@ from assets.sources import find_motions
 from pipeline.batch import Manifest
 from pipeline.batch.code_version import BELOW_ALL_STAGES
 from pipeline.project import PROJECT, Project
+from tests.factories.bare_project import bare_project
 
 LINEAGE = {
     "raw_motions": set(),
@@ -169,18 +169,20 @@ def test_topological_order_puts_parents_first():
     assert topological(parents) == [keys[name] for name in "abcd"]
 
 
+@pytest.fixture
+def copied(root, tmp_path) -> Project:
+    return bare_project(root, tmp_path)
+
+
 @pytest.mark.parametrize("name", ["motion_catalog", "actuator_calibration", "feasible_motions"])
-def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, tmp_path, root):
-    for folder in ("data", "robots"):
-        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
-    project = Project(tmp_path)
-    plan = plans(project)[dg.AssetKey([name])]
-    path = project.settings(plan.settings_files[0])
-    before, text = plan.fingerprint(project), path.read_text()
+def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, copied):
+    plan = plans(copied)[dg.AssetKey([name])]
+    path = copied.settings(plan.settings_files[0])
+    before, text = plan.fingerprint(copied), path.read_text()
     path.write_text(text + "\n# a remark\n")
-    assert plan.fingerprint(project) == before
+    assert plan.fingerprint(copied) == before
     path.write_text(text + "\nanother_key: 1\n")
-    assert plan.fingerprint(project) != before
+    assert plan.fingerprint(copied) != before
 
 
 def _numbers(values: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
@@ -199,7 +201,7 @@ def _numbers(values: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
         ("commands.yaml", 5, {"feasible_motions", "curation_feedback"}),
     ],
 )
-def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(file, least, stale, tmp_path, root):
+def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(file, least, stale, copied):
     """Of the limits KP5 alone; of the commands also the feedback that is told in their cells."""
     import copy
     import dataclasses
@@ -208,14 +210,11 @@ def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(fil
 
     from pipeline.files.settings import read_yaml
 
-    for folder in ("data", "robots"):
-        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
-    project = Project(tmp_path)
-    asked = [plan for plan in plans(project).values() if plan.settings_files]
+    asked = [plan for plan in plans(copied).values() if plan.settings_files]
     named = {plan.name: dataclasses.replace(plan, robot=None) for plan in asked}  # a robot's digest takes its time
-    path = project.settings(file)
+    path = copied.settings(file)
     values = read_yaml(path)
-    before = {name: plan.fingerprint(project) for name, plan in named.items()}
+    before = {name: plan.fingerprint(copied) for name, plan in named.items()}
     numbers = _numbers(values)
     assert len(numbers) >= least
     for *sections, last in numbers:
@@ -225,7 +224,7 @@ def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(fil
             at = at[name]
         at[last] = "another"
         path.write_text(yaml.safe_dump(changed))
-        found = {name for name, plan in named.items() if plan.fingerprint(project) != before[name]}
+        found = {name for name, plan in named.items() if plan.fingerprint(copied) != before[name]}
         assert found == stale, (*sections, last)
 
 
@@ -253,15 +252,6 @@ def test_below_kp5_lie_the_database_and_what_is_made_of_it_alone():
     assert below == {"expert_db", *EXPORTS.values(), *POLICY}
 
 
-@pytest.fixture
-def copied(root, tmp_path) -> Project:
-    """A project with the robots and settings of this one."""
-    for folder in ("data", "robots"):
-        ignored = shutil.ignore_patterns("motions", "policies", "store", ".dagster")
-        shutil.copytree(root / folder, tmp_path / folder, ignore=ignored)
-    return Project(tmp_path)
-
-
 def test_what_is_asked_of_all_robots_follows_each_robots_folder(copied):
     asked = [plan for plan in plans(copied).values() if plan.every_robot]
     assert {plan.name for plan in asked} == {"hardware_trials", "failure_modes"}
@@ -271,7 +261,7 @@ def test_what_is_asked_of_all_robots_follows_each_robots_folder(copied):
     assert not set(before) & {plan.fingerprint(copied) for plan in asked}
 
 
-def test_files_that_may_hold_a_robots_motion_follow_each_robots_folder(copied, tmp_path):
+def test_files_that_may_hold_a_robots_motion_follow_each_robots_folder(copied):
     (copied.root / "data" / "motions").mkdir()
     copied.settings("sources.yaml").write_text("sources:\n  - {name: mine, folder: motions, licence: MIT}\n")
     for name in ("person.bvh", "robot.csv"):

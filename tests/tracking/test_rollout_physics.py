@@ -10,25 +10,16 @@ import pytest
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility.torque_criteria import centre_of_mass
-from pipeline.files import settings
+from pipeline.physics import GRAVITY, PHYSICS_S
 from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.disturbance import NONE, Disturbance, draw
 from pipeline.tracking.process import Setup, process
 from pipeline.tracking.rollout import Plant, _Record, _World
 from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.task import DECIMATION
 from pipeline.tracking.tracker import load_tracker
 from tests.factories.robot_clips import standing, wandering
-
-
-@pytest.fixture(scope="module")
-def values(root: Path) -> TrackingSettings:
-    return settings.read(root / "data" / "tracking.yaml", TrackingSettings)
-
-
-@pytest.fixture(scope="module")
-def shipped(root: Path) -> Path:
-    return root / "robots" / "t1" / "policies" / "tracker" / "tracker.npz"
 
 
 def world(robot: Robot, shipped: Path, clip: RobotClip, disturbance: Disturbance = NONE) -> _World:
@@ -92,3 +83,44 @@ def test_pushes_come_from_all_directions_alike(values: TrackingSettings):
     forces = np.array([push.force_w for each in found for push in each.pushes])
     covariance = np.cov(forces[:, :2].T)
     assert 0.8 < covariance[0, 0] / covariance[1, 1] < 1.25 and (forces[:, 2] == 0.0).all()
+
+
+def test_every_disturbance_is_drawn_from_all_of_its_range(values: TrackingSettings):
+    """A tenth at an end of a range is missed by 200 draws with a probability of 1e-9."""
+    ranges = values.disturbance
+    drawn = [draw(ranges, 10.0, np.random.default_rng(seed)) for seed in range(200)]
+    for name, (low, high) in {
+        "friction": ranges.friction,
+        "trunk_mass": ranges.trunk_mass,
+        "kp": ranges.gains,
+        "kd": ranges.gains,
+        "action_noise": ranges.action_noise,
+    }.items():
+        found, edge = [getattr(each, name) for each in drawn], 0.1 * (high - low)
+        assert low <= min(found) < low + edge and high - edge < max(found) <= high, name
+    assert {each.delay_steps * PHYSICS_S for each in drawn} == {0.0, PHYSICS_S, 2.0 * PHYSICS_S}
+    assert abs(np.corrcoef([each.kp for each in drawn], [each.kd for each in drawn])[0, 1]) < 0.3
+
+
+def test_a_disturbed_robot_has_other_gains_mass_and_friction(robot: Robot, shipped: Path):
+    clip = standing(robot, seconds=0.5)
+    usual = world(robot, shipped, clip)
+    one = world(robot, shipped, clip, Disturbance(kp=1.1, kd=0.9, trunk_mass=1.05, friction=0.6))
+    np.testing.assert_allclose(one._motors.kp, 1.1 * robot.kp)
+    np.testing.assert_allclose(one._motors.kd, 0.9 * robot.kd)
+    mass = one._model.body_mass / np.maximum(usual._model.body_mass, 1e-9)
+    np.testing.assert_allclose(mass[1:], [1.05] + [1.0] * (len(mass) - 2))
+    assert {0.6} <= set(one._model.geom_friction[:, 0]) and 1.0 not in one._model.geom_friction[:, 0]
+
+
+def test_a_foot_that_bears_a_fifth_of_the_weight_is_in_contact(robot: Robot, shipped: Path):
+    one, weight = world(robot, shipped, standing(robot, seconds=0.5)), GRAVITY * robot.total_mass
+    record = _Record(2, len(robot.joint_names), one._model.nbody, one._feet)
+    for left, right in ((0.2, 0.05), (0.05, 0.2)):
+        record.state(one._data)
+        record._contact[one._feet, 5] = DECIMATION * weight * np.array([left, right])
+        record.end_of_step(np.zeros(3))
+    record.state(one._data)
+    found = one._recorded(record, 0).contacts
+    assert found is not None
+    assert found[:2].tolist() == [[True, False], [False, True]]

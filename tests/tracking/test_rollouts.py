@@ -15,12 +15,11 @@ from pipeline.clips.outcome import Outcome
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.feasibility.torque_criteria import centre_of_mass
-from pipeline.files import settings
-from pipeline.physics import GRAVITY, PHYSICS_S
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.bundle import CONFIG, read_tracking_bundle
-from pipeline.tracking.disturbance import NONE, Disturbance, draw
+from pipeline.tracking.disturbance import draw
 from pipeline.tracking.process import (
     NOT_TRACKED,
     Setup,
@@ -30,23 +29,12 @@ from pipeline.tracking.process import (
     motion_to_failure,
     process,
 )
-from pipeline.tracking.rollout import Plant, TrackedStretch, _Record, _World
+from pipeline.tracking.rollout import TrackedStretch
 from pipeline.tracking.settings import TrackingSettings
-from pipeline.tracking.task import DECIMATION
 from pipeline.tracking.tracker import load_tracker
 from pipeline.tracking.tracker_folder import CARD, CURVES, NETWORK, read_card, write_tracker_folder
 from tests.factories.robot_clips import standing
 from tests.factories.tracking_bundle import tracker_file, tracking_bundle
-
-
-@pytest.fixture(scope="module")
-def values(root: Path) -> TrackingSettings:
-    return settings.read(root / "data" / "tracking.yaml", TrackingSettings)
-
-
-@pytest.fixture(scope="module")
-def shipped(root: Path) -> Path:
-    return root / "robots" / "t1" / "policies" / "tracker" / "tracker.npz"
 
 
 def rolled(
@@ -244,52 +232,6 @@ def test_a_tracker_folder_is_replaced_as_a_whole(
     with pytest.raises(FileError, match="it holds other files than a tracker's"):
         write_tracker_folder(run, run, 1, bundle, {}, {})
     assert (run / CONFIG).is_file()
-
-
-def _world(clip: RobotClip, robot: Robot, shipped: Path, disturbance: Disturbance = NONE) -> _World:
-    plant = Plant(robot=robot, envelope=TorqueEnvelope(limit=robot.torque_limit))
-    return _World(clip, plant, load_tracker(shipped, robot), disturbance)
-
-
-def test_every_disturbance_is_drawn_from_all_of_its_range(values: TrackingSettings):
-    """A tenth at an end of a range is missed by 200 draws with a probability of 1e-9."""
-    ranges = values.disturbance
-    drawn = [draw(ranges, 10.0, np.random.default_rng(seed)) for seed in range(200)]
-    for name, (low, high) in {
-        "friction": ranges.friction,
-        "trunk_mass": ranges.trunk_mass,
-        "kp": ranges.gains,
-        "kd": ranges.gains,
-        "action_noise": ranges.action_noise,
-    }.items():
-        found, edge = [getattr(each, name) for each in drawn], 0.1 * (high - low)
-        assert low <= min(found) < low + edge and high - edge < max(found) <= high, name
-    assert {each.delay_steps * PHYSICS_S for each in drawn} == {0.0, PHYSICS_S, 2.0 * PHYSICS_S}
-    assert abs(np.corrcoef([each.kp for each in drawn], [each.kd for each in drawn])[0, 1]) < 0.3
-
-
-def test_a_disturbed_robot_has_other_gains_mass_and_friction(robot: Robot, shipped: Path):
-    clip = standing(robot, seconds=0.5)
-    usual = _world(clip, robot, shipped)
-    world = _world(clip, robot, shipped, Disturbance(kp=1.1, kd=0.9, trunk_mass=1.05, friction=0.6))
-    np.testing.assert_allclose(world._motors.kp, 1.1 * robot.kp)
-    np.testing.assert_allclose(world._motors.kd, 0.9 * robot.kd)
-    mass = world._model.body_mass / np.maximum(usual._model.body_mass, 1e-9)
-    np.testing.assert_allclose(mass[1:], [1.05] + [1.0] * (len(mass) - 2))
-    assert {0.6} <= set(world._model.geom_friction[:, 0]) and 1.0 not in world._model.geom_friction[:, 0]
-
-
-def test_a_foot_that_bears_a_fifth_of_the_weight_is_in_contact(robot: Robot, shipped: Path):
-    world, weight = _world(standing(robot, seconds=0.5), robot, shipped), GRAVITY * robot.total_mass
-    record = _Record(2, len(robot.joint_names), world._model.nbody, world._feet)
-    for left, right in ((0.2, 0.05), (0.05, 0.2)):
-        record.state(world._data)
-        record._contact[world._feet, 5] = DECIMATION * weight * np.array([left, right])
-        record.end_of_step(np.zeros(3))
-    record.state(world._data)
-    found = world._recorded(record, 0).contacts
-    assert found is not None
-    assert found[:2].tolist() == [[True, False], [False, True]]
 
 
 def test_a_rollout_begins_in_its_recording_where_its_reference_does(

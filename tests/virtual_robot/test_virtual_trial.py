@@ -103,6 +103,14 @@ def test_the_command_writes_the_same_log_twice_and_a_wrong_joint_is_named(tmp_pa
     assert main(["simulate-robot", str(tmp_path / "x.mcap"), "--weaker", "Left_Knee_Pitch"]) == 2
 
 
+def test_a_policy_of_another_robot_is_named_with_its_file(tmp_path, capsys):
+    policy = ROOT / "robots/t1/policies/walk/policy.npz"
+    assert main(["simulate-robot", str(tmp_path / "x.mcap"), "--robot", "k1", "--policy", str(policy)]) == 1
+    said = capsys.readouterr().err
+    assert f"{policy}: it is of another robot: " in said and "--robot" in said
+    assert not (tmp_path / "x.mcap").exists()
+
+
 def test_the_shipped_logs_are_what_their_commands_make(robot, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     shipped = ROOT / "data/hardware_logs/demo"
