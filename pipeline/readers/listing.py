@@ -236,11 +236,8 @@ def content_digest(path: Path, source: Source) -> str:
     names: a skeleton map of the user's own, a body model, an ASF; and the motion that it tracked, with what is stated
     of that. A motion that is a link out of the source's folder is not followed: its target's name counts.
     """
-    own = (
-        digest.of_json(["link", str(path.readlink())])
-        if not can_be_followed(path, source.folder)
-        else digest.of_file_or_fault(path)
-    )
+    followed = can_be_followed(path, source.folder)
+    own = digest.of_file_or_fault(path) if followed else digest.of_json(["link", str(path.readlink())])
     stated, others = source.statement_of(path), []
     if path.suffix.lower() == ".amc":
         others += sorted(each for each in path.parent.iterdir() if each.suffix.lower() == ".asf")

@@ -16,6 +16,9 @@ STANDARD_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 4
 ROUNDING = 1e-4
 """A rate this close to a whole number is that number: files print 1/30 s as 0.033333."""
 
+STATE_RATE = "State `fps:` for it in data/sources.yaml."
+"""What to do about a file whose rate is missing or wrong."""
+
 
 def declared_rate(fps: float | None) -> float | None:
     """A declared rate [Hz] without the rounding of its printed digits."""
@@ -44,10 +47,6 @@ def printed_rate(printed: str) -> tuple[float, tuple[Reason, ...]]:
     choice = " and ".join(f"{rate} Hz" for rate in meant)
     text = f"Frame Time {printed} is rounded: {choice} are printed so; {fps:.4g} Hz is taken; state `fps:` for another"
     return fps, (Reason(code="rounded_rate", text=text, effect="noted", value=fps, unit="Hz"),)
-
-
-STATE_RATE = "State `fps:` for it in data/sources.yaml."
-"""What to do about a file whose rate is missing or wrong."""
 
 
 def frame_rate(path: Path, declared: float | None, statement: Statement, fault: FileError | None = None) -> float:

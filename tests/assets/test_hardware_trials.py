@@ -10,18 +10,13 @@ from assets.plan import TRIALS
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, mcap_bytes, read_trial
 from pipeline.project import Project
-from tests.factories.log_folder import drop, log_project, one_second_log
+from tests.factories.log_folder import drop, log_project
 from tests.factories.robot_logs import POLICY, START_NS, every, low_states, robot_log
 
 
 @pytest.fixture
 def project(root, tmp_path, monkeypatch) -> Project:
     return log_project(root, tmp_path, monkeypatch)
-
-
-@pytest.fixture(scope="module")
-def log_bytes() -> bytes:
-    return one_second_log()
 
 
 def ingested(project: Project) -> IngestedLogs:

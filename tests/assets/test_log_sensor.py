@@ -14,7 +14,7 @@ from assets.runs import alive
 from assets.sensors import hardware_log_sensor, ingest_logs
 from assets.sources import DATA_VERSION_TAG
 from pipeline.project import Project
-from tests.factories.log_folder import drop, log_project, one_second_log
+from tests.factories.log_folder import drop, log_project
 
 PAGE = (
     ("hardware_trials", "failure_modes"),
@@ -27,11 +27,6 @@ PAGE = (
 @pytest.fixture
 def project(root, tmp_path, monkeypatch) -> Project:
     return log_project(root, tmp_path, monkeypatch)
-
-
-@pytest.fixture(scope="module")
-def log_bytes() -> bytes:
-    return one_second_log()
 
 
 def materialize(instance: dg.DagsterInstance) -> dg.ExecuteInProcessResult:
@@ -55,6 +50,13 @@ def ingest_job() -> dg.JobDefinition:
     return definitions.resolve_job_def("ingest_logs")
 
 
+def started(instance: dg.DagsterInstance) -> tuple[dict[str, str], dg.DagsterRun]:
+    """Tags of the run that the sensor asks for, and that run, which goes on."""
+    tags = tick(instance)
+    assert isinstance(tags, dict)
+    return tags, instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+
+
 def test_the_sensor_waits_for_a_whole_log(project, log_bytes):
     with dg.DagsterInstance.ephemeral() as instance:
         assert tick(instance) == "no new log: 0 are ingested, 0 still being written"
@@ -68,9 +70,7 @@ def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed
     drop(project, "a.mcap", log_bytes)
     with dg.DagsterInstance.ephemeral() as instance:
         for _ in range(3):
-            tags = tick(instance)
-            assert isinstance(tags, dict)
-            run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+            _, run = started(instance)
             assert "a run was started for these" in tick(instance)
             drop(project, "again.mcap", log_bytes)
             assert "a run was started for these" in tick(instance)
@@ -83,9 +83,7 @@ def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed
 def test_a_run_that_a_person_cancels_is_not_started_again_until_a_log_comes(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
     with dg.DagsterInstance.ephemeral() as instance:
-        tags = tick(instance)
-        assert isinstance(tags, dict)
-        run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+        _, run = started(instance)
         instance.report_run_canceled(run)
         assert f"run {run.run_id} for these 1 logs was cancelled" in tick(instance)
         drop(project, "b.mcap", log_bytes[:-1])
@@ -95,9 +93,7 @@ def test_a_run_that_a_person_cancels_is_not_started_again_until_a_log_comes(proj
 def test_a_run_that_died_with_its_machine_is_told_failed_and_tried_again(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
     with dg.DagsterInstance.ephemeral() as instance:
-        tags = tick(instance)
-        assert isinstance(tags, dict)
-        run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+        tags, run = started(instance)
         with alive(project.store.root / "runs", run.run_id):
             assert "a run was started for these" in tick(instance)
         (project.store.root / "runs" / run.run_id).write_text("its lock went with its process")

@@ -20,9 +20,8 @@ from pipeline.training.amp.features import frame_features, rotation_vector, stat
 from pipeline.training.amp.symmetry import Mirror, augment
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
-from pipeline.training.environment import AFTER_CHANGE_STEPS, AmpEnvironment
+from pipeline.training.environment import AmpEnvironment
 from pipeline.training.mdp.commands import SLEW
-from pipeline.training.mdp.rewards import power
 from pipeline.training.mdp.start_states import expert_states
 from tests.factories.robot_clips import wandering
 from tests.factories.training_bundle import small_bundle
@@ -212,18 +211,6 @@ def test_windows_are_valid_once_the_command_is_a_second_old_and_constant(env, ra
             assert torch.equal(extras["motion_valid"][kept], (constant & (step > steps))[kept])
         read += int(extras["motion_valid"][kept].sum())
     assert read > 0
-
-
-def test_power_counts_from_a_second_after_a_push_and_a_new_command_on(env):
-    env.reset()
-    env.step(torch.ones(ENVS, 21))
-    env.steps_since_push.fill_(AFTER_CHANGE_STEPS)
-    env.velocity_command.age.fill_(AFTER_CHANGE_S)
-    whole = power(env, last=1.0)
-    assert (whole > 0.0).all()
-    env.steps_since_push[0] -= 1
-    env.velocity_command.age[1] -= 0.02
-    assert power(env, last=1.0).tolist() == [0.0, 0.0, *whole[2:].tolist()]
 
 
 def test_without_commands_a_new_command_makes_no_window_invalid(bundle):
