@@ -14,7 +14,7 @@ PAPER_TEXT = "paper"
 BARS = "data/validation.yaml"
 """Source of values that follow from the bars of the validation suite."""
 AFTER_CHANGE_S = 1.0
-"""For so long after a push or a new command power is free, and the discriminator that reads commands no window [s]."""
+"""The discriminator reads no window for so long after a push or, if it reads commands, a new command [s]."""
 
 
 def option(

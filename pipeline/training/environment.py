@@ -254,20 +254,16 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._positions.copy_(torch.cat([self._positions[:, 1:], self.positions()[:, None]], dim=1))
         self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
         self.extras["motion"] = self._motion
-        whole = self.episode_length_buf > self._motion.shape[1] + 1
-        self.extras["motion_valid"] = whole & self.after_change(self._with_command)
+        whole, quiet = self.episode_length_buf > self._motion.shape[1] + 1, self.steps_since_push >= AFTER_CHANGE_STEPS
+        self.extras["motion_valid"] = whole & quiet
         if self._with_command:
-            self.extras["motion_valid"] &= (self._motion[:, 0, -3:] == self.command).all(dim=1)
+            constant = (self._motion[:, 0, -3:] == self.command).all(dim=1)
+            self.extras["motion_valid"] &= constant & (self.velocity_command.age >= AFTER_CHANGE_S)
         self.record.add(self)
 
     def _note_velocity(self) -> None:
         self.robot_state.invalidate()
         self.record.add_velocity(self)
-
-    def after_change(self, command: bool) -> torch.Tensor:
-        """Where no push began within AFTER_CHANGE_S (n,) and, with `command`, no command was drawn."""
-        after = self.steps_since_push >= AFTER_CHANGE_STEPS
-        return after & (self.velocity_command.age >= AFTER_CHANGE_S) if command else after
 
     def get_observations(self) -> dict:
         """The observations of the last step, not the memory that the next one overwrites."""

@@ -16,7 +16,6 @@ from pipeline.training.bundle import read_bundle
 from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
 from pipeline.training.environment import AFTER_CHANGE_STEPS, AmpEnvironment
 from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, SMALLEST_PUSH, Slopes, horizontal
-from pipeline.training.mdp.rewards import power
 from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
 
@@ -220,15 +219,3 @@ def test_grounds_motors_and_trunks_are_drawn_from_all_of_their_ranges(sloped):
         quarter = 0.25 * (most - least)
         assert least - 1e-4 <= values.min() < least + quarter
         assert most - quarter < values.max() <= most + 1e-4
-
-
-def test_power_counts_from_a_second_after_a_push_and_a_new_command_on(bundle):
-    env = made(bundle)
-    env.step(torch.ones(ENVS, 21))
-    env.steps_since_push.fill_(AFTER_CHANGE_STEPS)
-    env.velocity_command.age.fill_(AFTER_CHANGE_S)
-    whole = power(env, last=1.0)
-    assert (whole > 0.0).all()
-    env.steps_since_push[0] -= 1
-    env.velocity_command.age[1] -= 0.02
-    assert power(env, last=1.0).tolist() == [0.0, 0.0, *whole[2:].tolist()]

@@ -99,7 +99,6 @@ def test_standing_still_costs_only_at_the_command_to_stand():
 
 def test_power_is_the_sum_and_energy_the_norm():
     state = env(torque=(3.0, -4.0), joint_vel=(1.0, 1.0))
-    state.after_change = lambda command: torch.tensor([True])
     for final, factor in ((0.0, 1.0), (0.5, 1.5), (1.0, 2.0)):
         state.final = torch.tensor(final)
         assert rewards.power(state, last=2.0).item() == pytest.approx(7.0 * factor)

@@ -87,12 +87,8 @@ def energy(env) -> torch.Tensor:
 
 
 def power(env, last: float) -> torch.Tensor:
-    """Sum over joints of |torque x speed| [W], times a factor that the final ramp takes from 1 to `last`.
-
-    0 within 1 s of a push or a new command: to catch a fall or to gather speed takes more than to walk.
-    """
-    total = (env.robot_state.torque * env.robot_state.joint_vel).abs().sum(dim=1)
-    return total * env.after_change(command=True) * (1.0 + (last - 1.0) * env.final)
+    """Sum over joints of |torque x speed| [W], times a factor that the final ramp takes from 1 to `last`."""
+    return (env.robot_state.torque * env.robot_state.joint_vel).abs().sum(dim=1) * (1.0 + (last - 1.0) * env.final)
 
 
 def saturation(env) -> torch.Tensor:
