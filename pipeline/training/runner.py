@@ -18,7 +18,7 @@ from pipeline.training.amp.symmetry import Mirror
 from pipeline.training.bundle import Bundle
 from pipeline.training.config import Config
 from pipeline.training.environment import AmpEnvironment
-from pipeline.training.stage import SAVE_EVERY, STEPS, Request, Stage
+from pipeline.training.stage import STEPS, Request, Stage
 
 NETWORK: dict[str, Any] = {
     "hidden_dims": [512, 256, 128],
@@ -71,8 +71,7 @@ class AmpStage(Stage):
     def iterate(self, share: float) -> dict[str, float]:
         algorithm = self.algorithm
         self._set_ramps(share)
-        self.runner.current_learning_iteration = algorithm.iteration = self.iteration
-        algorithm.run_share = share
+        algorithm.iteration, algorithm.run_share = self.iteration, share
         learn_once(self.runner)
         self.environment_steps = self.env.common_step_counter
         amp: dict[str, float] = {} if algorithm.discriminator is None else algorithm.discriminator.figures
@@ -94,7 +93,6 @@ class AmpStage(Stage):
     def load(self, state: dict[str, Any]) -> None:
         self.algorithm.load(state, None, strict=True)
         self.env.common_step_counter = int(state["environment_steps"])
-        self._set_ramps(int(state["iteration"]) / self._iterations)
 
     def line(self, row: dict[str, float]) -> str:
         pairs = [
@@ -123,7 +121,6 @@ def runner_cfg(config: Config, windows: torch.Tensor, least_std: torch.Tensor, w
     noise = {"class_name": "GaussianDistribution", "init_std": config.ppo.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": STEPS,
-        "save_interval": SAVE_EVERY,
         "check_for_nan": False,
         "obs_groups": {"actor": ["actor"], "critic": ["critic"]},
         "actor": {"class_name": "MLPModel", **NETWORK, "distribution_cfg": noise},

@@ -28,10 +28,10 @@ DRIFT = 1e-3
 FIGURES = ("d_expert", "d_policy", "gradient_penalty", "accuracy")
 
 
-def network(inputs: int, hidden: tuple[int, ...] = HIDDEN) -> nn.Sequential:
+def network(inputs: int) -> nn.Sequential:
     """An ELU network with one output."""
     layers: list[nn.Module] = []
-    for size in hidden:
+    for size in HIDDEN:
         layers += [nn.Linear(inputs, size), nn.ELU()]
         inputs = size
     return nn.Sequential(*layers, nn.Linear(inputs, 1))
