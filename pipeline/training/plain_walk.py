@@ -13,8 +13,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from pipeline.deployment.policy import Policy, load_policy
-from pipeline.deployment.task import ACTION_SCALE, HISTORY
+from pipeline.deployment.policy import GAINS, PolicyGains, load_policy
+from pipeline.deployment.task import ACTION_SCALE, HISTORY, in_order
+from pipeline.errors import FileError
 
 STEP_S, CONTROL_EVERY = 0.002, 10
 MEASURE_S = 6.0
@@ -59,23 +60,29 @@ def model_of(bundle: Path) -> mujoco.MjModel:
 
 
 class World:
-    """State of one walk: MuJoCo's, the policy's history, and what is written down."""
+    """State of one walk: MuJoCo's, the policy's history, and its joint targets."""
 
-    def __init__(self, bundle: Path, policy: Policy, walk: Walk):
-        self.facts, self.policy, self.walk = robot_of(bundle), policy, walk
+    def __init__(self, bundle: Path, policy: Path, walk: Walk):
+        """Raises FileError for a policy that can't be read or is not the bundle's robot's."""
+        self.facts, self.policy, self.walk = robot_of(bundle), load_policy(policy), walk
+        names, index = self.facts["joint_names"], self.facts["policy_index"]
+        self._history = np.zeros((HISTORY, 9 + 3 * len(index)), dtype=np.float32)
+        bare = {name: self.facts[name] for name in GAINS}
+        gains = self.policy.gains or PolicyGains(joint_names=tuple(names), **bare)
+        sizes, fitting = (self.policy.observation_size, self.policy.action_size), (self._history.size, len(index))
+        if sizes != fitting or set(gains.joint_names) != set(names):
+            wanted = f"{fitting[0]} observations, {fitting[1]} actions and its joint names"
+            problem = f"it is no walking policy of '{self.facts['robot']}', which takes {wanted}."
+            raise FileError(policy, problem, f"The bundle {bundle} is of that robot; give the one of the policy's.")
+        self.kp, self.kd, self.rest = (in_order(getattr(gains, name), gains.joint_names, names) for name in GAINS)
         self.model = model_of(bundle)
         self.data = mujoco.MjData(self.model)
-        self.rest = self.facts["default_joint_pos"]
-        gains = policy.gains
-        self.kp, self.kd = (gains.kp, gains.kd) if gains else (self.facts["kp"], self.facts["kd"])
         noise = np.random.default_rng(walk.seed).uniform(-1.0, 1.0, len(self.rest)) * (START_NOISE if walk.seed else 0)
         self.data.qpos[:7] = [0.0, 0.0, self.facts["default_root_height"], 1.0, 0.0, 0.0, 0.0]
         self.data.qpos[7:] = self.rest + noise
         mujoco.mj_forward(self.model, self.data)
         self.root = self.model.body(self.facts["root_link"]).id
         self.foot_bodies = [int(self.model.site(name).bodyid[0]) for name in self.facts["feet"]]
-        index = self.facts["policy_index"]
-        self._history = np.zeros((HISTORY, 9 + 3 * len(index)), dtype=np.float32)
         self._action, self.target = np.zeros(len(index)), self.rest.copy()
 
     def decide(self) -> None:
@@ -122,7 +129,7 @@ class World:
 
 def walked(bundle: Path, policy: Path, walk: Walk) -> dict[str, float]:
     """Figures of a walk over its last MEASURE_S; of one that fell, that it did and when."""
-    world, power, rows = World(bundle, load_policy(policy), walk), [], []
+    world, power, rows = World(bundle, policy, walk), [], []
     steps = round(walk.seconds / STEP_S)
     for step in range(steps):
         if step % CONTROL_EVERY == 0:

@@ -19,7 +19,6 @@ import numpy as np
 import torch
 from scipy.spatial.distance import cdist
 
-from pipeline.deployment.policy import load_policy
 from pipeline.errors import FileError
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import window_starts
@@ -66,8 +65,11 @@ def _some(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def walked_features(bundle: Path, policy: Path, walk: Walk) -> np.ndarray:
-    """Features (t - 2, f) of the last MEASURE_S of a walk, t control steps. Raises TrainingError for a fall."""
-    world = World(bundle, load_policy(policy), walk)
+    """Features (t - 2, f) of the last MEASURE_S of a walk, t control steps.
+
+    Raises TrainingError for a fall, FileError for a policy that can't be read or is of another robot.
+    """
+    world = World(bundle, policy, walk)
     index = np.array([world.facts["joint_names"].index(name) for name in world.facts["controlled"]])
     ends = [world.model.site(name).id for name in (*world.facts["hands"], *world.facts["feet"])]
     steps, rows = round(walk.seconds / STEP_S), []
@@ -127,7 +129,7 @@ def style_distances(
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print a row a policy, `nan` where it falls; exit status 2 for what can't be read."""
+    """Print a row a policy, `nan` where it falls; exit status 2 for what can't be read or is of another robot."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.training.style_distance")
     parser.add_argument("policies", type=Path, nargs="+")
     parser.add_argument("--bundle", type=Path, required=True)

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.deployment import load_policy
+from pipeline.errors import FileError
 from pipeline.training.plain_walk import Walk, World, touchdown_rate, walked
 from pipeline.validation.cells import command_cells
 from pipeline.validation.deployed import deployed
@@ -42,11 +43,29 @@ def test_a_fall_ends_the_walk(bundle_folder, root):
 
 
 def test_joint_targets_that_are_not_finite_count_as_a_fall(bundle_folder, root):
-    world = World(bundle_folder, load_policy(root / SHIPPED), Walk(command=(0.0, 0.0, 0.0)))
+    world = World(bundle_folder, root / SHIPPED, Walk(command=(0.0, 0.0, 0.0)))
     world.decide()
     assert not world.fell
     world.target[3] = np.nan
     assert world.fell
+
+
+def test_gains_of_a_policy_are_those_of_their_joint_names(bundle_folder, root, tmp_path):
+    """Also where its file has the joints in another order; its default pose is its own."""
+    with np.load(root / SHIPPED) as arrays:
+        given = dict(arrays)
+    given["kp"], given["default_joint_pos"] = np.arange(23.0), given["default_joint_pos"] + 0.01
+    turned = {name: given[name][::-1] for name in ("joint_names", "kp", "kd", "default_joint_pos")}
+    np.savez(tmp_path / "turned.npz", **{**given, **turned})
+    world = World(bundle_folder, tmp_path / "turned.npz", Walk(command=(0.0, 0.0, 0.0)))
+    assert world.kp.tolist() == given["kp"].tolist()
+    assert world.rest == pytest.approx(given["default_joint_pos"])
+
+
+@pytest.mark.parametrize("other", ["k1/policies/walk/policy.npz", "t1/policies/tracker/tracker.npz"])
+def test_a_policy_of_another_robot_or_task_is_refused_by_name(bundle_folder, root, other):
+    with pytest.raises(FileError, match=r"npz: it is no walking policy of 't1', which takes 720 observations, 21 act"):
+        walked(bundle_folder, root / "robots" / other, Walk(command=(0.0, 0.0, 0.0)))
 
 
 def test_touchdowns_a_minute_are_those_of_the_gait_and_not_of_the_time_it_is_watched():
@@ -59,7 +78,7 @@ def test_touchdowns_a_minute_are_those_of_the_gait_and_not_of_the_time_it_is_wat
 
 @pytest.mark.parametrize(("lean_deg", "fell"), [(50.0, False), (-50.0, False), (70.0, True), (-70.0, True)])
 def test_a_trunk_that_leans_by_70_degrees_fell_and_by_50_did_not(bundle_folder, root, lean_deg, fell):
-    world = World(bundle_folder, load_policy(root / SHIPPED), Walk(command=(0.0, 0.0, 0.0)))
+    world = World(bundle_folder, root / SHIPPED, Walk(command=(0.0, 0.0, 0.0)))
     world.data.qpos[3:7] = np.roll(Rotation.from_euler("y", lean_deg, degrees=True).as_quat(), 1)
     mujoco.mj_kinematics(world.model, world.data)
     assert world.fell is fell
