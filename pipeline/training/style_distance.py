@@ -2,11 +2,11 @@
 
     python -m pipeline.training.style_distance --bundle DIR POLICY.npz ... [--seeds N]
 
-Both are windows of four frames .06 s apart of motion features (`amp/features.py`), divided
-by the standard deviations of all expert frames. The distance of two sets of windows is their energy distance (Székely
-and Rizzo 2013), sqrt(2 E|x - y| - E|x - x'| - E|y - y'|), lengths by the root of the number of features: 0 for equal
-distributions, sqrt(2 d) for two points d standard deviations apart in every feature. The expert's own is that between
-two halves of its clips.
+Walk and expert are compared by windows of four frames, 0.06 s apart, of motion features (`amp/features.py`), each in
+standard deviations of all expert frames. The distance of two sets of windows is their energy distance (Székely and
+Rizzo 2013), sqrt(2 E|x - y| - E|x - x'| - E|y - y'|), with lengths divided by the root of the number of features: 0 for
+equal distributions, sqrt(2 d) for two points d standard deviations apart in every feature. The row `expert` is the
+distance between two halves of the clips.
 """
 
 import argparse
@@ -36,7 +36,9 @@ MOST = 1500
 
 
 def energy_distance(one: np.ndarray, other: np.ndarray) -> float:
-    """Of two samples (n, f), (m, f), by sqrt(f)."""
+    """Energy distance of two samples (n, f) and (m, f), lengths divided by sqrt(f); NaN where one is empty."""
+    if not (len(one) and len(other)):
+        return math.nan
     between, within = cdist(one, other).mean(), [_within(each) for each in (one, other)]
     return float(np.sqrt(max(0.0, (2.0 * between - sum(within)) / np.sqrt(one.shape[1]))))
 
@@ -49,7 +51,7 @@ def _within(sample: np.ndarray) -> float:
 def expert_sets(expert: ExpertFrames, command: Sequence[float], rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """First frames of windows near a command: of all clips, and of every other clip and the rest of them.
 
-    Raises TrainingError where no clip goes so.
+    The halves are of different clips; of a single clip the second one is empty. Raises TrainingError without a window.
     """
     starts = window_starts(expert, (WINDOW - 1) * STRIDE + 1)
     starts = starts[(np.abs(expert.command[starts] - np.array(command)) <= np.array(NEAR)).all(axis=1)]
@@ -96,9 +98,9 @@ def windows_of(features: np.ndarray, starts: np.ndarray, normalize: FeatureNorma
 def style_distances(
     bundle: Path, policies: Sequence[Path], seeds: Sequence[int]
 ) -> dict[str, dict[float, list[float]]]:
-    """Of each policy at each speed, one a seed; `expert` is that between halves of the clips.
+    """Of each policy at each speed, one a seed; `expert` is that between halves of the clips, NaN for a single clip.
 
-    NaN, with a line on stderr, where the policy falls or no clip goes so fast.
+    NaN, with a line on stderr, where the policy falls or no clip has the speed.
     """
     expert = read_bundle(bundle).expert
     features = frame_features(torch.from_numpy(expert.frames))

@@ -25,6 +25,11 @@ def test_two_points_d_apart_in_every_feature_are_the_root_of_two_d_apart():
     assert energy_distance(one, one) == 0.0
 
 
+def test_an_empty_sample_has_no_distance():
+    """So where one clip alone has the speed, the distance between its halves is not 0, as if they were equal."""
+    assert math.isnan(energy_distance(np.ones((5, 9)), np.ones((0, 9))))
+
+
 def test_samples_of_one_distribution_are_near_and_of_shifted_ones_farther_the_more():
     rng = np.random.default_rng(0)
     sample = rng.normal(size=(400, 20))
@@ -46,6 +51,7 @@ def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
     assert set(every) == set(odd) | set(even)
     assert {int(start) // 30 for start in odd} == {0, 2}
     assert {int(start) // 30 for start in even} == {1}
+    assert [len(each) for each in expert_sets(expert, (0.0, 0.0, 0.0), np.random.default_rng(0))] == [21, 21, 0]
     with pytest.raises(TrainingError, match="no frame near the command"):
         expert_sets(expert, (2.0, 0.0, 0.0), np.random.default_rng(0))
 
