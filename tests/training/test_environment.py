@@ -23,6 +23,7 @@ from pipeline.training.config import AFTER_CHANGE_S, PAPER, RECIPE
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.mdp.commands import SLEW
 from pipeline.training.mdp.start_states import expert_states
+from tests.factories.given_command import give_command
 from tests.factories.robot_clips import wandering
 from tests.factories.training_bundle import small_bundle
 
@@ -259,7 +260,7 @@ def test_a_known_good_policy_walks_in_the_environment(bundle, policies):
     wanted = torch.tensor([[0.6, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
     speeds = []
     for step in range(140):
-        env.velocity_command.give(torch.arange(ENVS), wanted)
+        give_command(env, torch.arange(ENVS), wanted)
         observation, _, terminated, _, _ = env.step(published(cast(torch.Tensor, observation["actor"])))
         assert not terminated.any(), f"fell at step {step}"
         if step >= 90:

@@ -10,6 +10,7 @@ from pipeline.training.bundle import read_bundle
 from pipeline.training.config import RECIPE
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.mdp.terminations import ended_by, fell, ignores_command
+from tests.factories.given_command import give_command
 from tests.factories.training_bundle import small_bundle
 
 CASES = [
@@ -33,10 +34,10 @@ def test_a_tilted_or_diverged_robot_fell_and_a_stall_is_no_fall(tmp_path, root, 
     config = RECIPE.changed({"simulation.num_envs": 5, "simulation.stall_s": 0.1, "simulation.reference_share": 0.0})
     env = AmpEnvironment(read_bundle(small_bundle(tmp_path, root, robot)), config, "cpu", seed=1)
     env.reset()
-    env.velocity_command.give(torch.arange(5), torch.tensor([0.0, 0.0, 0.0]))
+    give_command(env, torch.arange(5), torch.tensor([0.0, 0.0, 0.0]))
     env.sim.data.qpos[1, 3:7] = torch.tensor([0.6, 0.8, 0.0, 0.0])
     env.sim.data.qvel[3, 2] = float("nan")
-    env.velocity_command.give(torch.tensor([4]), torch.tensor([1.5, 0.0, 0.0]), age=5.0)
+    give_command(env, torch.tensor([4]), torch.tensor([1.5, 0.0, 0.0]), age_s=5.0)
     fallen, stalled = torch.zeros(5, dtype=torch.bool), torch.zeros(5, dtype=torch.bool)
     for _ in range(8):
         env.step(torch.zeros(5, 21))

@@ -90,12 +90,6 @@ class VelocityCommand(CommandTerm):
     def command(self) -> torch.Tensor:
         return self._command
 
-    def give(self, env_ids: torch.Tensor, command: torch.Tensor, age: float = 0.0) -> None:
-        """Set the command of some environments, as if it were `age` [s] old."""
-        self._command[env_ids] = command
-        self.goal[env_ids] = command
-        self.age[env_ids] = age
-
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
         """Let commands grow older by `dt` [s], a number or (n,); where the time is up, draw the next one."""
         self.time_left -= dt
