@@ -31,11 +31,6 @@ class ExpertFrames:
     clip_weight: np.ndarray
     """(c,) `MotionWeight`."""
 
-    @property
-    def controlled(self) -> int:
-        """Controlled joints of a frame."""
-        return (self.frames.shape[1] - 37) // 2
-
 
 @dataclass(frozen=True, kw_only=True)
 class References:

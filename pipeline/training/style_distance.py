@@ -102,9 +102,9 @@ def style_distances(
 
     NaN, with a line on stderr, where the policy falls or no clip has the speed.
     """
-    expert = read_bundle(bundle).expert
-    features = frame_features(torch.from_numpy(expert.frames))
-    normalize, rng = FeatureNormalizer(features, floors(expert.controlled)), np.random.default_rng(0)
+    whole, rng = read_bundle(bundle), np.random.default_rng(0)
+    expert, features = whole.expert, frame_features(torch.from_numpy(whole.expert.frames))
+    normalize = FeatureNormalizer(features, floors(len(whole.robot.controlled)))
     found: dict[str, dict[float, list[float]]] = {name: {} for name in ("expert", *map(str, policies))}
     for speed in SPEEDS:
         try:

@@ -74,10 +74,7 @@ FALLS = ("tilt", "height", "diverged")
 
 def fell(env) -> torch.Tensor:
     """Whether the episode ends by a fall (n,)."""
-    first, *others = (env.termination_manager.get_term(name) for name in FALLS)
-    for each in others:
-        first = first | each
-    return first
+    return torch.stack([env.termination_manager.get_term(name) for name in FALLS]).any(dim=0)
 
 
 def ended_by(env, name: str) -> torch.Tensor:
