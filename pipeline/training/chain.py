@@ -93,6 +93,12 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
             f"{bundle.folder}: the bundle has no tracker to distil from. Materialize augmented_motions and write the "
             "bundle again, or train from scratch: --set distillation.iterations=0."
         )
+    longest, window = np.diff(bundle.expert.clip_start).max(), request.config.discriminator.frames
+    if AMP in stages and longest < window:
+        raise TrainingError(
+            f"{bundle.folder}: its longest clip has {longest} frames, fewer than a window's discriminator.frames "
+            f"({window}). Lower that option, or write the bundle again with longer clips."
+        )
     first = int(os.getenv("RANK", "0")) == 0
     last = request.out / trained(stages)[-1]
     validation = _validation(bundle, request.out / VALIDATION, last) if VALIDATION in stages else None

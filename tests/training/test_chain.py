@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import shutil
 from types import SimpleNamespace
@@ -16,9 +17,10 @@ from pipeline.deployment import load_policy
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.learning.policy_file import Network
 from pipeline.learning.run_command import PACKAGES
-from pipeline.training import chain, runner
+from pipeline.training import bundle, chain, runner
 from pipeline.training.__main__ import main
 from pipeline.training.amp.algorithm import ramp
+from pipeline.training.bundle import read_bundle
 from pipeline.training.config import RECIPE
 from pipeline.training.stage import Stage
 from tests.factories.training_bundle import small_bundle
@@ -187,6 +189,15 @@ def test_a_bundle_without_a_tracker_is_refused_with_what_to_do(tmp_path, root, r
     bare = small_bundle(tmp_path / "bare", root, robot)
     assert main(command(bare, tmp_path / "out")) == 2
     assert f"{bare}: the bundle has no tracker to distil from" in capsys.readouterr().err
+
+
+def test_clips_shorter_than_a_window_are_refused_before_training(folder, tmp_path, capsys, monkeypatch):
+    whole = read_bundle(folder)
+    short = dataclasses.replace(whole.expert, clip_start=np.array([0, 9, 18]))
+    monkeypatch.setattr(bundle, "read_bundle", lambda *_: dataclasses.replace(whole, expert=short))
+    assert main(command(folder, tmp_path / "out", *BOTH)) == 2
+    assert "its longest clip has 9 frames, fewer than a window's discriminator.frames (10)." in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
