@@ -31,6 +31,8 @@ from pipeline.training.config import DEFAULT, PAPER, RECIPE, changed_by_texts, p
 
 NO_MEMORY = ("out of memory", "Failed to allocate", "can't allocate memory", "ALLOC_FAILED")
 """Parts of what PyTorch and Warp raise as RuntimeError when memory is short."""
+LARGEST_SEED = 2**31 - 1
+"""NumPy takes less than 2^32, and each process adds its number times 1000."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -45,8 +47,8 @@ def main(arguments: Sequence[str]) -> int:
 def _train(given: argparse.Namespace) -> None:
     if given.out is None:
         raise TrainingError("--out is needed; see python -m pipeline.training --help.")
-    if given.seed < 0:
-        raise TrainingError(f"--seed is {given.seed}; 0 or more is allowed.")
+    if not 0 <= given.seed <= LARGEST_SEED:
+        raise TrainingError(f"--seed is {given.seed}; 0 to {LARGEST_SEED} is allowed.")
     config = changed_by_texts(preset(given.preset), pairs(given.set))
     device = chosen_device(given.device)
     from pipeline.training.bundle import read_bundle  # mjlab takes seconds to import

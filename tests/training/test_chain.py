@@ -204,7 +204,8 @@ def test_clips_shorter_than_a_window_are_refused_before_training(folder, tmp_pat
     ("arguments", "message"),
     [
         (["--device", "cpu"], "--out is needed"),
-        (["--out", "o", "--device", "cpu", "--seed", "-1"], "--seed is -1; 0 or more is allowed."),
+        (["--out", "o", "--device", "cpu", "--seed", "-1"], "--seed is -1; 0 to 2147483647 is allowed."),
+        (["--out", "o", "--device", "cpu", "--seed", "4294967296"], "--seed is 4294967296; 0 to 2147483647 is"),
         (["--bundle", "b", "--out", "o", "--device", "cpu", "--preset", "none"], "unknown preset 'none'"),
         (
             ["--bundle", "b", "--out", "o", "--device", "cpu"],
