@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.learning.curves_file import CurvesFile
 from pipeline.learning.policy_file import policy_arrays, write_policy
@@ -119,6 +121,8 @@ class Stage(ABC):
         try:
             self.load(state)
             self.resumed_at = [*map(int, state.get("resumed_at", [])), int(state["iteration"])]
+        except torch.OutOfMemoryError:
+            raise  # no fault of the checkpoint; the command says what to do
         except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
             first = str(error).splitlines()[0]
             raise TrainingError(

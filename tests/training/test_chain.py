@@ -257,6 +257,18 @@ def test_a_shortage_of_memory_gets_a_sentence(folder, tmp_path, capsys, monkeypa
     assert "4 environments need more memory than is free on 'cpu'" in capsys.readouterr().err
 
 
+def test_a_shortage_of_memory_is_no_fault_of_the_checkpoint(run, folder, tmp_path, capsys, monkeypatch):
+    def full(*_):
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB")
+
+    shutil.copytree(run, tmp_path / "run")
+    (tmp_path / "run" / "distillation" / "done.json").unlink()
+    monkeypatch.setattr(chain.DistillationStage, "load", full)
+    assert main(command(folder, tmp_path / "run", *BOTH)) == 2
+    error = capsys.readouterr().err
+    assert "need more memory than is free" in error and "another network" not in error
+
+
 def test_another_runtime_error_is_not_called_a_shortage(folder, tmp_path, monkeypatch):
     def broken(*_):
         raise RuntimeError("shapes differ")
