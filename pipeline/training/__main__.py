@@ -7,9 +7,9 @@
     --set NAME=VALUE    change one option, as `schedule.iterations=1000`; may be repeated (`--list` prints all options)
     --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. On a CPU only distillation is trained; there add
                         `--set simulation.num_envs=64`
-    --stages NAME ...   `distillation`, `amp`, `validation`: other stages than the device's
+    --stages NAME ...   stages to run: `distillation`, `amp`, `validation` (default: all; on a CPU all but `amp`)
     --physics plain|warp  MuJoCo in threads (the default on a CPU), or MuJoCo Warp (on a GPU)
-    --seed S            of everything random
+    --seed S            seed of everything random (default: 1)
     --list              print all options with their values in both presets, units and sources, and exit
 
 Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Progress is a line an iteration:

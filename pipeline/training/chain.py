@@ -47,7 +47,7 @@ CONFIG = "config.json"
 SETTINGS = ("options", "seed", "bundle_digest", "stages")
 """Parts of `config.json` that must be equal for a run to continue; until it is trained, its number of processes too."""
 NAMED = {"bundle_digest": "bundle", "stages": "choice of stages", "processes": "number of processes"}
-"""What a person calls some of them."""
+"""Names of some of them in messages."""
 PLACES = ("commit", "device", "physics")
 """Parts that may differ when a run continues; `config.json` has all their values, as `NVIDIA H100, NVIDIA H200`."""
 POLL_S = 1.0

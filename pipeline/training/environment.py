@@ -122,9 +122,9 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.final = torch.zeros((), device=device)
         """Ramp of the weight of power, 0 to 1."""
         self.restarts: list[Callable[[torch.Tensor], None]] = []
-        """What terms do for environments (n,) that begin an episode; each term appends its own."""
+        """Functions of the mask (n,) of environments that begin an episode; each term appends its own."""
         if device == "cpu":
-            wp.config.optimization_level = 0  # kernels that compile soon count more than fast ones in a test
+            wp.config.optimization_level = 0  # in tests and trials quick compilation counts more than fast kernels
         super().__init__(environment_cfg(robot, config, seed, teacher is not None), device)
         self._given = torch.zeros_like(self.action_manager.action)
         plain = isinstance(self.sim, PlainSimulation)

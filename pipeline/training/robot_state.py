@@ -101,7 +101,7 @@ class RobotState:
         self._known: dict[str, torch.Tensor] = {}
 
     def invalidate(self) -> None:
-        """The state of the simulation has changed."""
+        """Forget what was computed of the state that has changed."""
         self._known.clear()
 
     def _sites(self, names: tuple[str, ...]) -> torch.Tensor:

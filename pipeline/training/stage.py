@@ -32,7 +32,7 @@ CHECKPOINTS, CURVES, POLICY, DONE = "checkpoints", "curves.csv", "policy.npz", "
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What a run is asked for."""
+    """What a run trains, how, and where its files go."""
 
     out: Path
     preset: str

@@ -29,7 +29,7 @@ from pipeline.training.plain_walk import CONTROL_EVERY, MEASURE_S, STEP_S, Walk,
 SPEEDS = (0.6, 1.0, 1.5)
 """Forward commands that are compared [m/s]."""
 NEAR = (0.2, 0.15, 0.3)
-"""How far an expert window's command may be from the asked one [m/s, m/s, rad/s]."""
+"""Largest difference between an expert window's command and the policy's [m/s, m/s, rad/s]."""
 WINDOW, STRIDE = 4, 3
 MOST = 1500
 """Windows of a set; of more, as many are drawn."""

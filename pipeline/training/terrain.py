@@ -8,7 +8,7 @@ PATCH_M = 10.0
 PATCHES = 8
 """Rows and columns of patches that episodes begin on."""
 BORDER_M = 30.0
-"""Flat ground around them, as far as an episode of 20 s may lead [m]."""
+"""Flat ground around them, for robots that leave the patches [m]."""
 
 
 def terrain_cfg(kind: str, seed: int) -> TerrainEntityCfg:

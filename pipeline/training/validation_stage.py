@@ -51,7 +51,7 @@ SWEEP, MUJOCO, DART, FIGURES = "sweep.json", "mujoco.json", "dart.json", "figure
 
 
 class ValidationStage:
-    """Choose, judge, measure; `trained` is the folder of the last training stage."""
+    """Chooses a checkpoint, validates it and measures it; `trained` is the folder of the last training stage."""
 
     def __init__(self, bundle: Bundle, folder: Path, trained: Path):
         """Raises TrainingError where something that the stage needs is missing, so that it shows before training."""
@@ -72,7 +72,7 @@ class ValidationStage:
         self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
 
     def run(self) -> None:
-        """Do what is missing of the stage. Raises TrainingError where the bundle was written again meanwhile."""
+        """Make the files that are missing. Raises TrainingError where the bundle was written again meanwhile."""
         began = time.monotonic()
         if read_head(self.bundle.folder, SCHEMA)[1] != self.bundle.digest:
             problem = "was written again while this run trained from it, so the policy can't be evaluated with it."
@@ -85,7 +85,7 @@ class ValidationStage:
         write_json(self.folder / DONE, {"seconds": time.monotonic() - began, "chosen": sweep["iteration"]})
 
     def _file(self, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        """A part that is there already, or is made now."""
+        """The content of a file of the stage, which is made where it is missing."""
         path = self.folder / name
         if not path.is_file():
             write_json(path, make())

@@ -14,8 +14,8 @@ from pipeline.training.mdp.commands import draw_commands
 CELL = np.array([0.15, 0.15, 0.3])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
 OWN, OWN_STARTS = 0.3, 0.5
-"""Shares of expert windows and start frames with a kept command (`drawn_by_command`). In episodes of 16 s half of the
-start frames give 0.3 of the policy's windows."""
+"""Shares of expert windows and start frames that keep their own command (`drawn_by_command`). An episode lasts about
+16 s and a command about 10 s, so half of the start frames give 0.3 of the policy's windows."""
 WINDOWS = 200_000
 """Preloaded expert windows (paper), and start frames; fewer with fewer than 4096 environments."""
 

@@ -126,7 +126,7 @@ class DistillationStage(Stage):
         return self.student.mlp(self.student.obs_normalizer(observation))
 
     def _limit_normalizer(self) -> None:
-        """Let no deviation be below the sensors' noise, nor that of commands below COMMAND_STD."""
+        """Let no deviation be below the half width of the sensors' noise, nor that of commands below COMMAND_STD."""
         normalizer: Any = self.student.obs_normalizer
         normalizer._var.copy_(torch.maximum(normalizer._var, torch.square(self._least_std)))
         normalizer._std.copy_(torch.sqrt(normalizer._var))

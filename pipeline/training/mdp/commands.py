@@ -21,7 +21,7 @@ SLEW = 1.0
 OLD_S = 10.0
 """Age of the command of an episode that begins at the commanded velocity [s]."""
 STANDING = 1e-6
-"""A command of no more on any axis is to stand [m/s, rad/s]."""
+"""A command that exceeds this on no axis is the command to stand [m/s, rad/s]."""
 
 
 def moves(command: torch.Tensor) -> torch.Tensor:

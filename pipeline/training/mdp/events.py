@@ -59,9 +59,9 @@ class Slopes:
 
 
 class PushTimer:
-    """Times and directions of one kind of push, in the unit of its largest; times go on when an episode ends.
+    """Times and directions of one kind of push, in the unit of `largest`; the end of an episode restarts no time.
 
-    `scale` is the factor from the T1, which the largest ones are given for, to the robot.
+    `scale` is the factor from pushes of the T1, for which `largest` is given, to those of the robot.
     """
 
     def __init__(self, env, config: PushesConfig, largest: tuple[float, float], scale: float):
@@ -111,8 +111,7 @@ class Push:
     """A force on the trunk's centre of mass for FORCE_S every few seconds; `env.push_w` (n, 3) is the force [N]."""
 
     def __init__(self, cfg: EventTermCfg, env):
-        pushes = env.context.config.pushes
-        robot = env.context.bundle.robot
+        pushes, robot = env.context.config.pushes, env.context.bundle.robot
         scale = robot.weight_ratio * math.sqrt(robot.leg_ratio)
         self._timer = PushTimer(env, pushes, pushes.impulse_n_s, scale)
         self._left_s = torch.zeros(env.num_envs, device=env.device)

@@ -13,9 +13,9 @@ from pipeline.training.masks import replace
 MAX_TILT_DEG = 60.0
 """A fall (paper), beside a root below the robot's `fall_height`."""
 STALL_SPEED, STALL_YAW = 0.2, 0.3
-"""A command of more than this [m/s], [rad/s] may be ignored."""
+"""Speed [m/s] and yaw rate [rad/s] above which a command can count as ignored."""
 STALL_SHARE = 0.3
-"""A half of the command, moving or turning, of which less is reached is ignored."""
+"""A half of the command, moving or turning, counts as ignored where the robot reaches less than this share of it."""
 
 
 def ignores_command(command: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor:
@@ -78,7 +78,7 @@ def fell(env) -> torch.Tensor:
 
 
 def ended_by(env, name: str) -> torch.Tensor:
-    """Whether the episode ends by a term (n,); by none where the term is off."""
+    """Whether the episode ends by a term (n,); False where the term is off."""
     if name not in env.termination_manager.active_terms:
         return torch.zeros_like(env.reset_buf)
     return env.termination_manager.get_term(name)
