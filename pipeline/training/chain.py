@@ -86,7 +86,7 @@ def trained(stages: Sequence[str]) -> list[str]:
 def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
     """Run the stages that are not done yet, and write the policy.
 
-    Raises TrainingError for a folder of another run, or a bundle that a stage can not use.
+    Raises TrainingError for a folder of another run or of a stage whose input was removed, or an unfit bundle.
     """
     if DISTILLATION in stages and bundle.teacher is None:
         raise TrainingError(
@@ -112,6 +112,9 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
         folder = request.out / name
         if (folder / DONE).is_file():
             continue
+        stale = [request.out / each for each in STAGES[STAGES.index(name) + 1 :] if (request.out / each).exists()]
+        if stale:
+            raise TrainingError(f"{folder}: is not done, but {stale[0]} was made from it. Remove {stale[0]} as well.")
         if name == DISTILLATION:
             if first:
                 DistillationStage(bundle, request, folder).run()

@@ -176,6 +176,18 @@ def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, c
     assert "another number of processes. Repeat its own command" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("removed", "later"), [("distillation", "amp"), ("amp", "validation")])
+def test_a_stage_is_not_trained_again_below_what_was_made_from_it(run, folder, tmp_path, capsys, removed, later):
+    """Else the run would end with the policy, or the figures, of the stage that was removed."""
+    out = tmp_path / "run"
+    shutil.copytree(run, out)
+    (out / "validation").mkdir()
+    shutil.rmtree(out / removed)
+    assert main(command(folder, out, *BOTH)) == 2
+    error = capsys.readouterr().err
+    assert f"{out / removed}: is not done, but {out / later} was made from it. Remove {out / later} as well." in error
+
+
 def test_from_scratch_no_stage_distils(folder, tmp_path, capsys):
     assert main(command(folder, tmp_path, distillation__iterations=0)) == 2
     assert "nothing is left to train: distillation.iterations is 0" in capsys.readouterr().err
@@ -262,8 +274,8 @@ def test_a_shortage_of_memory_is_no_fault_of_the_checkpoint(run, folder, tmp_pat
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB")
 
     shutil.copytree(run, tmp_path / "run")
-    (tmp_path / "run" / "distillation" / "done.json").unlink()
-    monkeypatch.setattr(chain.DistillationStage, "load", full)
+    (tmp_path / "run" / "amp" / "done.json").unlink()
+    monkeypatch.setattr(chain.AmpStage, "load", full)
     assert main(command(folder, tmp_path / "run", *BOTH)) == 2
     error = capsys.readouterr().err
     assert "need more memory than is free" in error and "another network" not in error
