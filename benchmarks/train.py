@@ -58,21 +58,31 @@ def main() -> int:
 def median_speed(given: argparse.Namespace, preset: str, stage: str, physics: str | None) -> float:
     """Median over the iterations after the warm-up of a short run."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "pipeline.training", "--bundle", str(given.bundle), "--out", folder]
-        command += ["--preset", preset, "--device", given.device, "--stages", stage]
-        command += [
-            "--set",
-            f"simulation.num_envs={given.num_envs}",
-            "--set",
-            f"{ITERATIONS[stage]}={given.iterations}",
-        ]
-        command += ["--physics", physics] if physics else []
+        command = [sys.executable, "-m", "pipeline.training", *run_arguments(given, preset, stage, physics, folder)]
         status = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode
         if status:
             raise SystemExit(f"the run of {preset} ended with status {status}; its message is above.")
         rows = list(csv.DictReader((Path(folder) / "curves.csv").read_text().splitlines()))
     counted = rows[WARM_UP:] or rows
     return float(np.median([float(row["steps_per_s"]) for row in counted]))
+
+
+def run_arguments(given: argparse.Namespace, preset: str, stage: str, physics: str | None, out: str) -> list[str]:
+    """Arguments of `pipeline.training` for a run of one stage; AMP + PPO begins without the distilled network.
+
+    Args:
+        given: arguments of this benchmark
+        preset: what is trained
+        stage: of training
+        physics: `plain` or `warp`; None: the device's own
+        out: folder of the run
+    """
+    options = [f"simulation.num_envs={given.num_envs}"]
+    options += ["distillation.iterations=0"] if stage == "amp" else []
+    options += [f"{ITERATIONS[stage]}={given.iterations}"]
+    arguments = ["--bundle", str(given.bundle), "--out", out, "--preset", preset, "--device", given.device]
+    arguments += ["--stages", stage, *(text for option in options for text in ("--set", option))]
+    return arguments + (["--physics", physics] if physics else [])
 
 
 if __name__ == "__main__":
