@@ -15,8 +15,8 @@ from pipeline.learning.training_error import TrainingError
 from pipeline.physics import GRAVITY
 
 CURE = (
-    "Write the bundle again: dagster asset materialize --select t1/amp_policy (a tracker's bundle: t1/tracking_policy; "
-    "another robot's: by its name)."
+    "Write the bundle again: dagster asset materialize --select t1/amp_policy (a tracker's bundle: dagster job execute "
+    "-m assets.definitions -j train_tracker; another robot's: by its name)."
 )
 
 T1_WEIGHT_N, T1_LEG_M = 31.734 * GRAVITY, 0.5516

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 from typing import Any
 
@@ -17,6 +18,7 @@ from assets.plan import digest_of_robot, plans, robot_plans
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.batch import Manifest
 from pipeline.export.folder import Source, export_policy
+from pipeline.learning.robot_facts import CURE
 from pipeline.project import PROJECT, Project
 from tests.factories.networks import network_file
 from tests.factories.training_stand_in import write_training_stand_in
@@ -219,6 +221,12 @@ def test_nothing_starts_a_training():
     assert by_clock
     for name in by_clock:
         assert TRAINED.key not in defs.resolve_job_def(name).asset_layer.selected_asset_keys
+
+
+def test_the_cure_of_a_damaged_bundle_names_what_writes_it():
+    asset, job = re.findall(r"--select (\S+)|-j (\S+?);", CURE)
+    assert asset[0] == TRAINED.key.to_user_string()
+    assert defs.resolve_job_def(job[1]).asset_layer.selected_asset_keys == {PLANS["tracking_policy"].key}
 
 
 def test_a_trial_runs_without_a_gpu_and_says_what_it_is(project, robot, monkeypatch):
