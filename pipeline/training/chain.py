@@ -128,7 +128,7 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
 
 def _validation(bundle: Bundle, folder: Path, last: Path) -> ValidationStage:
     """The last stage. Raises TrainingError where something that it needs is missing, so that it shows at the start."""
-    try:  # what trains alone has mjlab's packages and no others
+    try:  # a host that trains alone has mjlab, jaxtyping and no others
         from pipeline.training.validation_stage import ValidationStage
     except ImportError as error:
         raise TrainingError(

@@ -1,4 +1,4 @@
-"""A policy walked in plain MuJoCo by the files of a training bundle alone, for hosts with nothing but mjlab's stack.
+"""A policy walked in plain MuJoCo by the files of a training bundle alone, for hosts with mjlab and jaxtyping alone.
 
 A 2 ms step, explicit position control behind the torque-speed lines, no noise, commands slewed at 1 m/s^2 (1 rad/s^2).
 A test compares it with the walk of `pipeline/validation`, which has more conditions.
