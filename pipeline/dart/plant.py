@@ -3,15 +3,21 @@
 from collections.abc import Iterator
 from xml.etree import ElementTree as Xml
 
-import dartpy as dart
 import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.errors import PipelineError
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.simulation.plant import Plant, PlantState, standing_state
+
+try:  # of all packages this one alone needs libraries of a desktop
+    import dartpy as dart
+except ImportError as error:
+    do = "Install the project, and the libraries libGL and libX11 (Debian: apt install libgl1 libx11-6)."
+    raise PipelineError(f"walks in DART need the package dartpy, which can't be loaded ({error}). {do}") from error
 
 
 def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:

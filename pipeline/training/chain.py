@@ -132,8 +132,8 @@ def _validation(bundle: Bundle, folder: Path, last: Path) -> ValidationStage:
         from pipeline.training.validation_stage import ValidationStage
     except ImportError as error:
         raise TrainingError(
-            f"validation needs the package {error.name}, which is not installed. Install the project, or leave "
-            "validation out (--stages distillation amp) and repeat the command with it where the project is installed."
+            f"validation can't be loaded here ({error}). Install the project, or leave validation out (--stages "
+            "distillation amp) and repeat the command with it where the project is installed."
         ) from error
     return ValidationStage(bundle, folder, last)
 

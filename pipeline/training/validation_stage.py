@@ -11,7 +11,7 @@
 Repeating the command continues with the first file that is missing. No trial of the sweep is one of the suite.
 """
 
-import importlib.util
+import importlib
 import json
 import time
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from typing import Any
 import pipeline
 from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.deployment import digest, load_policy
-from pipeline.errors import SettingsError
+from pipeline.errors import PipelineError
 from pipeline.export.booster_deploy import vendor_robot
 from pipeline.files import atomic, settings
 from pipeline.learning.checkpoint import load_checkpoint
@@ -56,8 +56,6 @@ class ValidationStage:
     def __init__(self, bundle: Bundle, folder: Path, trained: Path):
         """Raises TrainingError where something that the stage needs is missing, so that it shows before training."""
         self.bundle, self.folder, self._trained = bundle, folder, trained
-        if importlib.util.find_spec("dartpy") is None:
-            raise TrainingError(f"validation walks in DART: the package dartpy is not installed. Add it, or {WITHOUT}")
         if not bundle.robot_folder.is_dir():
             raise TrainingError(f"{bundle.robot_folder}: there is no such folder. {CURE}")
         bars = ROOT / "robots" / bundle.robot.name / "validation.yaml"
@@ -65,8 +63,9 @@ class ValidationStage:
             problem = "there is none, so validation has no thresholds for this robot."
             raise TrainingError(f"{bars}: {problem} Add it, or {WITHOUT}")
         try:
+            importlib.import_module("pipeline.dart.plant")
             vendor_robot(bundle.robot.name)
-        except SettingsError as error:
+        except PipelineError as error:
             raise TrainingError(f"{error} Or {WITHOUT}") from error
         self._bars = read_validation(ROOT / "data" / "validation.yaml", bars)
         self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)

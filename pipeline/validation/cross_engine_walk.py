@@ -8,7 +8,6 @@ from typing import Annotated
 import numpy as np
 
 from pipeline import rotation
-from pipeline.dart.plant import DartPlant
 from pipeline.deployment import DeploymentTask
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, POSITIVE, Range, check
 from pipeline.robot import Robot
@@ -120,11 +119,16 @@ class Figures:
 
 
 def make_plant(engine: str, deployed: Deployed, timestep_s: float, friction: float) -> Plant:
-    """The plant of an engine, with the deployment's armature if it differs from the robot's."""
+    """The plant of an engine, with the deployment's armature if it differs from the robot's.
+
+    Raises PipelineError where DART can't be loaded.
+    """
     robot = deployed.robot
     if deployed.armature is not None:
         robot = dataclasses.replace(robot, armature=deployed.armature)
     if engine == DART:
+        from pipeline.dart.plant import DartPlant  # needs libraries that MuJoCo does without
+
         return DartPlant(robot, timestep_s, friction)
     options = MujocoOptions(timestep_s=timestep_s, friction=friction, armature=robot.armature)
     return bridge_plant(robot, options) if engine == BRIDGE else MujocoPlant(robot, options)

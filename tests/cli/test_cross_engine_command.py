@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -50,3 +52,20 @@ def test_of_cells_that_are_not_required_nothing_passes(still: Path, capsys: pyte
     assert ": failed\n" in said
     assert "not required  right_0.4: the reference " in said
     assert said.endswith("no cell is required: nothing was shown\n")
+
+
+@pytest.mark.parametrize("module", ["pipeline.cli.policy_commands", "pipeline.viewing.validation_plots"])
+def test_what_works_in_mujoco_alone_does_not_load_dart(module: str):
+    code = f"import sys; sys.modules['dartpy'] = None; import {module}"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_a_dart_that_can_not_be_loaded_is_one_sentence(
+    still: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.delitem(sys.modules, "pipeline.dart.plant", raising=False)
+    monkeypatch.setitem(sys.modules, "dartpy", None)
+    assert main(["cross-engine", str(still), "--cells", "stand", "--seeds", "1", "--workers", "1"]) == 1
+    said = capsys.readouterr().err
+    assert "walks in DART need the package dartpy, which can't be loaded (import of dartpy halted" in said
+    assert "apt install libgl1 libx11-6" in said

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
 import shutil
+import sys
 
 import pytest
 
@@ -178,15 +178,14 @@ def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_la
 def test_what_validation_needs_is_missed_before_training(bundle, tmp_path, monkeypatch, capsys, root, missing):
     monkeypatch.setattr(Stage, "run", lambda _: pytest.fail("trained"))
     message = {
-        "dartpy": "the package dartpy is not installed",
+        "dartpy": "apt install libgl1 libx11-6). Or leave validation out",
         "thresholds": "validation has no thresholds for this robot. Add it, or leave validation out",
         "robot": "adapted_robot/t1: there is no such folder. Write the bundle again",
         "deployment": "booster_deploy has no configuration of 't1' that is known here. Write the file",
     }[missing]
     if missing == "dartpy":
-        find = importlib.util.find_spec
-        without = lambda name, *rest: None if name == "dartpy" else find(name, *rest)  # noqa: E731
-        monkeypatch.setattr(importlib.util, "find_spec", without)
+        monkeypatch.delitem(sys.modules, "pipeline.dart.plant", raising=False)
+        monkeypatch.setitem(sys.modules, "dartpy", None)
     elif missing == "deployment":
         monkeypatch.setattr("pipeline.export.booster_deploy.ROBOTS", tmp_path)
     elif missing == "thresholds":
