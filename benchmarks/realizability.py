@@ -22,7 +22,7 @@ from pipeline.project import DEFAULT_ROBOT, PROJECT
 
 def main() -> None:
     """Print the accuracy for references, for all rollouts and for the clips of KP5, over some seeds."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robot", default=DEFAULT_ROBOT)
     parser.add_argument("--seeds", type=int, default=3)
     given = parser.parse_args()

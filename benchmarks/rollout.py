@@ -29,7 +29,7 @@ from pipeline.tracking.tracker_folder import NETWORK, read_card
 
 def main() -> None:
     """Print speed (median and range of the repeats) and the figures of the rollouts."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robot", default=DEFAULT_ROBOT)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=3)

@@ -68,7 +68,9 @@ def read_card(folder: Path) -> ModelCard:
     """The card of an export. Raises FileError where it is missing, changed or incomplete, or names files elsewhere."""
     path = folder / FILE
     if not path.is_file():
-        raise FileError(path, "there is no exported policy here.", "Export one: python -m pipeline.export --help")
+        of_run = folder / "export"
+        do = f"Name {of_run}." if (of_run / FILE).is_file() else "Export one: python -m pipeline.export --help"
+        raise FileError(path, "there is no exported policy here.", do)
     value = read_json(path, do=AGAIN, most_bytes=MAX_BYTES)
     if not isinstance(value, dict) or value.get("schema") not in (SCHEMA, UNSEALED):
         raise FileError(path, f"is no card of schema {SCHEMA!r}.", AGAIN)

@@ -57,7 +57,8 @@ def export_tracker(
 
 def main(arguments: Sequence[str]) -> int:
     """Write the folder and print its figures; the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.tracking.export_tracker")
+    prog, form = "python -m pipeline.tracking.export_tracker", argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(prog=prog, description=__doc__, formatter_class=form)
     for name in ("run", "bundle", "robot", "out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--command", default="")

@@ -165,7 +165,7 @@ def _finish(bundle: Bundle, request: Request, stages: Sequence[str], validation:
             shutil.copyfile(folder / name, part)
             part.replace(request.out / name)
         except OSError as error:
-            problem = f"could not be written ({error.strerror or error}). Is the disk full?"
+            problem = f"could not be made of {folder / name} ({error.strerror or error})."
             raise TrainingError(f"{request.out / name}: {problem}") from error
     each = {name: json.loads((request.out / name / DONE).read_text()) for name in stages}
     training = [each[name] for name in trained(stages)]

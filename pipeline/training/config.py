@@ -61,7 +61,7 @@ class CommandsConfig:
         0.5, "largest yaw rate of half of the fast commands", "rad/s", "curves of the suite", 0.0, 3.0
     )
     slew_share: float = share(
-        0.5, "environments whose command changes at 1 m/s^2 and 1 rad/s^2; others: at once", source="the deployment"
+        0.5, "environments whose command changes at 1 m/s^2 and 1 rad/s^2; others: at once", source=f"{BARS}: commands"
     )
 
     def __post_init__(self) -> None:

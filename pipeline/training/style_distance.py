@@ -132,7 +132,8 @@ def style_distances(
 
 def main(arguments: Sequence[str]) -> int:
     """Print a row a policy, `nan` where it falls; exit status 2 for what can't be read or is of another robot."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.training.style_distance")
+    prog, form = "python -m pipeline.training.style_distance", argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(prog=prog, description=__doc__, formatter_class=form)
     parser.add_argument("policies", type=Path, nargs="+")
     parser.add_argument("--bundle", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=3)

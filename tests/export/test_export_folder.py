@@ -124,8 +124,16 @@ def test_an_export_is_not_completed_in_place_nor_if_it_was_changed(tmp_path, rob
 def test_a_folder_without_a_card_is_no_export(tmp_path, robot):
     exported(tmp_path, robot)
     (tmp_path / "out" / "card.json").unlink()
-    with pytest.raises(FileError, match=r"no exported policy here"):
+    with pytest.raises(FileError, match=r"no exported policy here. Export one: python -m pipeline.export"):
         read_export(tmp_path / "out", robot)
+
+
+def test_in_place_of_a_run_its_export_is_named(tmp_path, robot):
+    exported(tmp_path, robot)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "out").rename(tmp_path / "run" / "export")
+    with pytest.raises(FileError, match=r"no exported policy here. Name .*/run/export\."):
+        read_export(tmp_path / "run", robot)
 
 
 @pytest.mark.parametrize("data", [CLOSED, {}, {"licence": {"strictest": "no-derivatives"}}])
