@@ -8,7 +8,7 @@ from typing import Any
 from pipeline.cli.arguments import Inspect
 from pipeline.cli.chain import Chain
 from pipeline.cli.stored_clips import as_text as judgement_text
-from pipeline.cli.stored_clips import clip_of, judged, rejected
+from pipeline.cli.stored_clips import clip_of, excluded, judged, rejected
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece
@@ -104,7 +104,9 @@ def stored_clip(project: Project, name: str, robot: str, as_json: bool) -> None:
     """Every criterion of a clip; of one that was rejected before it had any, the stage and its reasons."""
     rows = judged(project, name, robot)
     if rows:
-        print(_json(rows) if as_json else judgement_text(rows))
+        decisions = excluded(project, rows, robot)
+        kept = [row | {"piece": ""} if row["piece"] in decisions else row for row in rows]
+        print(_json(kept) if as_json else judgement_text(rows, decisions))
         return
     ended = rejected(project, name, robot)
     if as_json:

@@ -3,7 +3,7 @@
 import dataclasses
 import difflib
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,9 @@ MOST_NAMES = 2_000
 
 NUMBERS = ("skill", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "penetration_m", "weight")
 """Numbers that are shown, where a clip has them."""
+
+EXCLUDED = "excluded_by_person"
+"""Code of the reason that `pipeline.selection.without_excluded` gives."""
 
 
 def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
@@ -134,12 +137,27 @@ def clip_of(database_file: Path) -> str:
         raise FileError(database_file, f"not a clip of an expert database ({type(error).__name__}).") from error
 
 
-def as_text(rows: Sequence[Row]) -> str:
-    """Every criterion of one clip, stretch by stretch; of several clips a line each."""
+def excluded(project: Project, rows: Sequence[Row], robot: str) -> dict[str, str]:
+    """Clips that KP5 accepted, according to its table, and that a person excluded -> the decision as a sentence."""
+    manifest = project.store.load(asset_of(LAST, robot))
+    gone = {row["piece"] for row in rows if row["piece"]} - {clip for (clip,) in manifest.kept("clip")}
+    if not gone:
+        return {}
+    clips = {row["clip"] for row in rows}
+    given = [reasons for clip, reasons in manifest.findings("clip", "reasons") if clip in clips]
+    texts = [reason["text"] for reasons in given for reason in reasons if reason["code"] == EXCLUDED]
+    return {piece: text.removeprefix(f"{piece}: ") for piece in gone for text in texts if text.startswith(f"{piece}: ")}
+
+
+def as_text(rows: Sequence[Row], decisions: Mapping[str, str]) -> str:
+    """Every criterion of one clip, stretch by stretch; of several clips a line each.
+
+    `decisions`: clips that a person excluded (`excluded`).
+    """
     if len({row["clip"] for row in rows}) > 1:
-        return _overview(rows)
+        return _overview(rows, decisions)
     stretches = itertools.groupby(rows, key=lambda row: (row["start_s"], row["stop_s"]))
-    return "\n\n".join(_stretch(list(own)) for _, own in stretches)
+    return "\n\n".join(_stretch(list(own), decisions) for _, own in stretches)
 
 
 def _rows(project: Project, robot: str) -> list[Row]:
@@ -148,10 +166,12 @@ def _rows(project: Project, robot: str) -> list[Row]:
     return without_nan(criteria_table.read(criteria_table.path_beside(manifest), manifest, asset).to_dict("records"))
 
 
-def _stretch(own: Sequence[Row]) -> str:
+def _stretch(own: Sequence[Row], decisions: Mapping[str, str]) -> str:
     """A table of the criteria of one stretch, and what is wrong with it."""
     first = own[0]
-    fate = f"goes on as '{first['piece']}'" if first["piece"] else "does not go on like this"
+    fate = f"kept as '{first['piece']}'" if first["piece"] else "not kept as it is"
+    if first["piece"] in decisions:
+        fate = f"not kept: {decisions[first['piece']]}"
     head = f"{first['clip']}, {first['start_s']:.2f} to {first['stop_s']:.2f} s: {fate}"
     header = ["group", "criterion", "number", "threshold", "unit", "margin", "verdict", "source"]
     groups = [None, *(row["group"] for row in own)]
@@ -173,12 +193,14 @@ def _cells(row: Row) -> Sequence[str]:
     return number, threshold, row["unit"], margin, verdict, source
 
 
-def _overview(rows: Sequence[Row]) -> str:
+def _overview(rows: Sequence[Row], decisions: Mapping[str, str]) -> str:
     """A line a clip."""
     lines = []
     for clip, group in itertools.groupby(rows, key=lambda row: row["clip"]):
         own = list(group)
-        kept = {row["piece"]: row["stop_s"] - row["start_s"] for row in own if row["piece"]}
+        pieces = {row["piece"]: row["stop_s"] - row["start_s"] for row in own if row["piece"]}
+        kept_s = sum((seconds for piece, seconds in pieces.items() if piece not in decisions), 0.0)
         broken = dict.fromkeys(row["criterion"] for row in own if row["verdict"] == BROKEN)
-        lines.append([clip, max(row["stop_s"] for row in own), sum(kept.values(), 0.0), ", ".join(broken) or "nothing"])
-    return text_table(["clip", "in [s]", "goes on [s]", "broken"], lines)
+        why = [*broken, *dict.fromkeys(decisions[piece] for piece in pieces if piece in decisions)]
+        lines.append([clip, max(row["stop_s"] for row in own), kept_s, ", ".join(why) or "nothing"])
+    return text_table(["clip", "in [s]", "kept [s]", "broken"], lines)

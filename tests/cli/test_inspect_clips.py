@@ -16,6 +16,7 @@ from pipeline.feasibility.criterion import codes
 from pipeline.files import settings
 from pipeline.files.sourced import origins
 from pipeline.robot import Robot
+from pipeline.selection import Decision, without_excluded
 from tests.factories.robot_clips import standing
 
 
@@ -50,7 +51,7 @@ def test_a_clip_prints_every_criterion(project: Path, capsys):
     assert main(["inspect", "mine/sunk@0-99"]) == 0
     printed = capsys.readouterr().out
     lines = printed.splitlines()
-    assert lines[0] == "mine/sunk@0-99, 0.00 to 2.00 s: does not go on like this"
+    assert lines[0] == "mine/sunk@0-99, 0.00 to 2.00 s: not kept as it is"
     assert all(any(code in line for line in lines) for code in codes())
     deepest = next(line for line in lines if " penetration_max " in line)
     assert "0.0504" in deepest or "0.05" in deepest
@@ -82,6 +83,29 @@ def test_a_recording_prints_a_line_a_clip_made_of_it(project: Path, capsys):
     assert "penetration_max" in lines[3]
 
 
+def test_a_clip_that_a_person_excluded_is_not_kept(project: Path, capsys):
+    store = Store(root=project / "data" / "store")
+    decision = Decision(clip="mine/stand@0-99", verdict="exclude", by="Ada", why="its feet slide", day="2026-11-26")
+    kept = without_excluded(store.load("feasible_motions"), [decision])
+    table = criteria_table.read(criteria(store), store.manifest_path("feasible_motions"), "feasible_motions")
+    store.save("feasible_motions", kept)
+    criteria_table.write(criteria(store), table, kept)
+    said = "excluded by Ada on 2026-11-26: its feet slide"
+    assert main(["inspect", "mine/stand@0-99"]) == 0
+    assert capsys.readouterr().out.startswith(f"mine/stand@0-99, 0.00 to 2.00 s: not kept: {said}\n")
+    assert main(["inspect", "mine"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[1] == "2.00" and lines[1].endswith(f" 0.00  {said}")
+    assert lines[2].split()[1:] == ["2.00", "2.00", "nothing"]
+    assert main(["inspect", "--json", "mine/stand@0-99"]) == 0
+    assert {row["piece"] for row in json.loads(capsys.readouterr().out)} == {""}
+
+
+def criteria(store: Store) -> Path:
+    """The table of criteria of KP5."""
+    return criteria_table.path_beside(store.manifest_path("feasible_motions"))
+
+
 @pytest.mark.parametrize(
     ("name", "clip", "stage", "code"),
     [
@@ -102,7 +126,7 @@ def test_a_clip_that_an_earlier_stage_rejected_prints_stage_and_reasons(project:
 def test_a_file_of_the_database_is_the_clip_in_it(project: Path, capsys):
     (project / "clip.json").write_text(json.dumps({"Clip": "mine/stand@0-99~mirror"}))
     assert main(["inspect", "clip.json"]) == 0
-    assert capsys.readouterr().out.startswith("mine/stand@0-99~mirror, 0.00 to 2.00 s: goes on as")
+    assert capsys.readouterr().out.startswith("mine/stand@0-99~mirror, 0.00 to 2.00 s: kept as")
 
 
 @pytest.mark.parametrize(
