@@ -78,6 +78,9 @@ def run(args: Inspect) -> int:
     chain = Chain(find_project())
     stated = Statement(**vars(args.statement))
     if args.write_map:
+        if not args.input.is_file():
+            problem = "it is a folder." if args.input.is_dir() else "the file does not exist."
+            raise FileError(args.input, problem, "Name one motion file for --write-map.")
         print(written_map(args.input, stated.skeleton), end="")
         return 0
     if _is_clip(args.input):
@@ -129,7 +132,8 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
             found = inspect_file(chain, file, stated)
         except PipelineError as error:
             values.append({"file": str(file), "error": str(error)})
-            rows.append([within, None, None, None, None, None, 0.0, str(error).removeprefix(f"{file}: ")])
+            why = str(error).removeprefix(str(file)).lstrip(":, ")
+            rows.append([within, None, None, None, None, None, 0.0, why])
             continue
         values.append(found)
         what = ", ".join(dict.fromkeys(reason["code"] for reason in found["reasons"])) or "nothing"
