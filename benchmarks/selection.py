@@ -82,10 +82,18 @@ def frame_labels(path: Path, catalog: CatalogSettings, curation: Curation) -> tu
 def main() -> int:
     """Print the table; 0 when all bars hold."""
     parser = argparse.ArgumentParser(description="Agreement of the skill windows with hand-checked ones.")
-    parser.add_argument("folder", nargs="?", type=Path, default=ROOT.parent / "shared" / "mocap")
+    parser.add_argument(
+        "folder",
+        nargs="?",
+        type=Path,
+        default=ROOT.parent / "shared" / "mocap",
+        help="recordings and segments.csv (file, skill, first_frame, last_frame)",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--each", action="store_true", help="print what disagreeing seconds were found to be")
     arguments = parser.parse_args()
+    if not (arguments.folder / "segments.csv").is_file():
+        parser.error(f"{arguments.folder} has no segments.csv; name a folder of recordings with hand-checked windows")
     catalog = settings_file.read(ROOT / "data" / "catalog.yaml", CatalogSettings)
     curation = settings_file.read(ROOT / "data" / "curation.yaml", Curation)
     found = agreement(arguments.folder, catalog, curation)

@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from benchmarks.selection import LEAST_EACH, LEAST_OVERALL, agreement, frame_labels
+from benchmarks.selection import LEAST_EACH, LEAST_OVERALL, agreement, frame_labels, main
 from pipeline.catalog import CatalogSettings
 from pipeline.files import settings as settings_file
 from pipeline.selection import SKILLS, Curation
@@ -12,6 +12,14 @@ from tests.conftest import ROOT
 
 CATALOG = settings_file.read(ROOT / "data" / "catalog.yaml", CatalogSettings)
 CURATION = settings_file.read(ROOT / "data" / "curation.yaml", Curation)
+
+
+def test_a_folder_without_windows_is_named_in_a_sentence(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["selection.py", str(tmp_path)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == 2
+    assert f"{tmp_path} has no segments.csv; name a folder" in capsys.readouterr().err
 
 
 @pytest.mark.shared
