@@ -92,6 +92,8 @@ MOST_STRIPS = 12
 
 def view_clip(args: View) -> int:
     """Play until interrupted, or write the picture."""
+    if args.picture is not None and args.picture.suffix.lower() != ".png":
+        raise FileError(args.picture, "a picture is a .png.", "Name a file with that suffix.")
     project = find_project()
     robot = project.robot(args.robot)
     clips = clips_to_view(project, args.clip, robot, Statement(**vars(args.statement)))

@@ -173,6 +173,10 @@ def test_view_writes_a_picture(walk, tmp_path, capsys):
         (["inspect", "{tmp}/none.bvh"], "the file does not exist"),
         (["inspect", "{tmp}/notes.doc"], "'.doc' is not a motion file"),
         (["inspect", "{tmp}/empty"], "there is no motion file in it"),
+        (
+            ["view", "{walk}", "--picture", "{tmp}/walk.jpg"],
+            "walk.jpg: a picture is a .png. Name a file with that suffix.",
+        ),
         (["inspect", "--write-map", "{tmp}/empty"], "it is a folder. Name one motion file for --write-map."),
         (["inspect", "--write-map", "{tmp}/none.bvh"], "the file does not exist"),
         (["inspect", "--unit", "parsec", "{walk}"], "'parsec' is not a unit"),
