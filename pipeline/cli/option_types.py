@@ -50,6 +50,26 @@ def positive(text: str) -> float:
     return value
 
 
+def within(low: float, high: float) -> Callable[[str], float]:
+    """Numbers from `low` to `high`, both allowed."""
+
+    def read(text: str) -> float:
+        value = float(text)
+        if not (math.isfinite(value) and low <= value <= high):
+            limits = f"{low:g} or more" if high == math.inf else f"{low:g} to {high:g}"
+            raise ValueError(f"{text} is out of range, wanted {limits}")
+        return value
+
+    return read
+
+
+def span(text: str) -> tuple[float, ...]:
+    start_s, stop_s = numbers(2)(text)
+    if not 0.0 <= start_s < stop_s:
+        raise ValueError(f"'{text}' is not T,UNTIL with 0 <= T < UNTIL [s]")
+    return start_s, stop_s
+
+
 def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
     def read(text: str) -> tuple[float, ...]:
         values = tuple(float(part) for part in text.split(","))

@@ -1,5 +1,6 @@
 """Arguments of the commands on policies in simulation, as those in `arguments.py`."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -20,8 +21,12 @@ from pipeline.cli.option_types import (
     numbers,
     option,
     positive,
+    span,
+    within,
 )
 
+NOT_NEGATIVE = within(0.0, math.inf)
+Factor = Annotated[float, option("FACTOR", positive)]
 Waypoint = Annotated[tuple[float, float, float, float], option("T,F,L,Y", numbers(4))]
 
 
@@ -100,19 +105,19 @@ class Differences:
     """share of a joint's torque that is left"""
     hot: JointFactors = ()
     """factor on a motor's heating"""
-    gains: float = 1.0
+    gains: Factor = 1.0
     """factor on kp and kd that the motors follow"""
-    command_scale: float = 1.0
+    command_scale: Factor = 1.0
     """share of the command that reaches the policy"""
-    friction: float = 1.0
+    friction: Annotated[float, option("FACTOR", NOT_NEGATIVE)] = 1.0
     """factor on the friction of the ground"""
-    delay: float = 0.0
+    delay: Annotated[float, option("S", within(0.0, 1.0))] = 0.0
     """from joint targets to motors [s]"""
-    trunk: float = 1.0
+    trunk: Factor = 1.0
     """factor on the trunk's mass"""
-    message_loss: Number = None
+    message_loss: Annotated[float | None, option("SHARE", within(0.0, 0.99))] = None
     """share of messages lost"""
-    motor_loss: Number = None
+    motor_loss: Annotated[float | None, option("HZ", NOT_NEGATIVE)] = None
     """packets per second that a motor loses [Hz]"""
 
 
@@ -122,9 +127,9 @@ class Events:
 
     push: UseAppendAction[tuple[Annotated[tuple[float, float, float], option("T,X,Y", numbers(3))], ...]] = ()
     """at T [s] an impulse X, Y [N s] over 0.1 s; may be repeated"""
-    hold: Annotated[tuple[float, float] | None, option("T,UNTIL", numbers(2))] = None
+    hold: Annotated[tuple[float, float] | None, option("T,UNTIL", span)] = None
     """a person lifts it off its feet [s]"""
-    stop: Number = None
+    stop: Annotated[float | None, option("T", NOT_NEGATIVE)] = None
     """the operator stops it at this time [s]: joints are damped"""
     motors_off: Outages = ()
     """motors of the joints, or all, give no torque from T to UNTIL [s], or to the `end`; may be repeated"""
@@ -142,8 +147,8 @@ class SimulateRobot:
     out: Annotated[Positional[Path], arg(metavar="OUT.mcap")]
     """log to write"""
     robot: RobotName = "t1"
-    policy: Annotated[Path | None, option("NPZ", Path)] = None
-    """policy to run; the one that ships where not given"""
+    policy: Annotated[Path | None, option("POLICY", Path)] = None
+    """npz, or the folder of an exported policy; the policy that ships where not given"""
     script: Annotated[
         Literal["sway", "topple_left"] | None, option("{sway,topple_left}", str, ("sway", "topple_left"))
     ] = None
@@ -152,10 +157,10 @@ class SimulateRobot:
     """from T [s] on the command is F, L [m/s] and Y [rad/s]; may be repeated (negative: --command=...)"""
     seconds: Annotated[float, option("S", positive)] = 10.0
     """length of the log [s]"""
-    seed: int = 0
+    seed: Annotated[int, option("N", integer("a seed", 0, 2**32 - 1))] = 0
     """seed of the noise"""
-    rate: float = 500.0
-    """rate of the states in the log [Hz]"""
+    rate: Annotated[float, option("HZ", within(1.0, 500.0))] = 500.0
+    """rate of the states in the log [Hz]; the nearest of 500, 250, 167, 125, …"""
     differences: OmitArgPrefixes[Differences] = Differences()
     events: OmitArgPrefixes[Events] = Events()
 

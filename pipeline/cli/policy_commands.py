@@ -81,8 +81,11 @@ def naming_policy(policy: Path) -> Iterator[None]:
     """Name the policy's file where it does not fit the robot, and what to do."""
     try:
         yield
-    except (UnknownNameError, PolicyMisfitError) as error:
-        raise FileError(policy, f"it is of another robot: {error}", "Name the policy's robot with --robot.") from error
+    except UnknownNameError as error:
+        raise FileError(policy, f"it is of another robot: {error}.", "Name the policy's robot with --robot.") from error
+    except PolicyMisfitError as error:
+        do = "Name a walking policy, and its robot with --robot."
+        raise FileError(policy, f"it does not fit the robot: {error}", do) from error
 
 
 def policy_of(path: Path, robot: Path) -> Policy:

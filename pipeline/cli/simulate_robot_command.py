@@ -6,8 +6,8 @@ import numpy as np
 
 from pipeline.actuators.standing import read_standing_pose
 from pipeline.cli.policy_arguments import Differences, SimulateRobot
-from pipeline.cli.policy_commands import naming_policy
-from pipeline.deployment import PolicyController, deployment_task, digest, load_policy, policy_task
+from pipeline.cli.policy_commands import naming_policy, policy_of
+from pipeline.deployment import PolicyController, deployment_task, digest, policy_task
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.hardware_logs import LogFacts, write_mcap
 from pipeline.project import Project, find_project
@@ -26,6 +26,7 @@ def run(args: SimulateRobot) -> int:
     """Write the log."""
     if args.out.suffix.lower() != ".mcap":
         raise FileError(args.out, "the log is written as MCAP.", "Name a file that ends in .mcap.")
+    _refuse_late(args)
     project = find_project()
     robot = project.robot(args.robot)
     controller, policy = _controller(project, robot, args)
@@ -57,8 +58,25 @@ def run(args: SimulateRobot) -> int:
     return 0
 
 
+def _refuse_late(args: SimulateRobot) -> None:
+    """Raises PipelineError for an event that begins after the log's end: the log would be without it."""
+    given = args.events
+    begins = [("push", start) for start, _, _ in given.push]
+    begins += [("hold", given.hold[0])] if given.hold else []
+    begins += [("stop", given.stop)] if given.stop is not None else []
+    begins += [("motors-off", start) for start, _, _ in given.motors_off]
+    for option, start_s in begins:
+        if start_s >= args.seconds:
+            raise PipelineError(
+                f"--{option} begins at {start_s:g} s, and the log ends at {args.seconds:g} s; "
+                "lengthen it with --seconds."
+            )
+
+
 def _controller(project: Project, robot: Robot, args: SimulateRobot) -> tuple[Controller, str]:
     """What walks, and its digest."""
+    if args.script and args.policy:
+        raise PipelineError("--script and --policy exclude each other; name one of them.")
     if args.script:
         pose = read_standing_pose(project.robot_folder(robot.name), robot)
         if pose is None:
@@ -70,8 +88,8 @@ def _controller(project: Project, robot: Robot, args: SimulateRobot) -> tuple[Co
             raise UnknownNameError("joint", unknown[0], robot.joint_names)
         return ScriptedController(task, script), script.digest
     path = args.policy or _shipped(project, robot)
-    policy = load_policy(path)
     with naming_policy(path):
+        policy = policy_of(path, project.robot_folder(robot.name))
         return PolicyController(policy_task(robot, policy), policy), digest(policy)
 
 
@@ -79,7 +97,7 @@ def _shipped(project: Project, robot: Robot) -> Path:
     folder = project.shipped_policies(robot.name)
     shipped = sorted(folder.rglob("policy.npz"))
     if not shipped:
-        raise FileError(folder, "no policy ships with the robot.", "Name one: --policy NPZ, or take a --script.")
+        raise FileError(folder, "no policy ships with the robot.", "Name one: --policy POLICY, or take a --script.")
     return shipped[0]
 
 

@@ -107,8 +107,37 @@ def test_a_policy_of_another_robot_is_named_with_its_file(tmp_path, capsys):
     policy = ROOT / "robots/t1/policies/walk/policy.npz"
     assert main(["simulate-robot", str(tmp_path / "x.mcap"), "--robot", "k1", "--policy", str(policy)]) == 1
     said = capsys.readouterr().err
-    assert f"{policy}: it is of another robot: " in said and "--robot" in said
+    assert f"{policy}: it is of another robot: " in said and said.endswith(". Name the policy's robot with --robot.\n")
     assert not (tmp_path / "x.mcap").exists()
+
+
+def test_a_tracker_is_refused_as_no_walking_policy(tmp_path, capsys):
+    tracker = ROOT / "robots/t1/policies/tracker/tracker.npz"
+    assert main(["simulate-robot", str(tmp_path / "x.mcap"), "--policy", str(tracker)]) == 1
+    said = capsys.readouterr().err
+    assert f"{tracker}: it does not fit the robot: " in said and "Name a walking policy" in said
+
+
+def test_the_folder_of_an_exported_policy_is_its_policy(tmp_path):
+    made = []
+    for name in ("walk", "walk/policy.npz"):
+        path = tmp_path / f"{len(made)}.mcap"
+        words = ["--policy", str(ROOT / "robots/t1/policies" / name), "--seconds", "0.2"]
+        assert main(["simulate-robot", str(path), *words]) == 0
+        made.append(path.read_bytes())
+    assert made[0] == made[1]
+
+
+@pytest.mark.parametrize("event", ["--push=2,20,0", "--hold=3,4", "--stop=2", "--motors-off=5,end"])
+def test_an_event_after_the_logs_end_is_refused(tmp_path, capsys, event):
+    assert main(["simulate-robot", str(tmp_path / "x.mcap"), "--seconds", "2", event]) == 1
+    assert "the log ends at 2 s; lengthen it with --seconds." in capsys.readouterr().err
+
+
+def test_a_script_and_a_policy_exclude_each_other(tmp_path, capsys):
+    words = ["--script", "sway", "--policy", str(ROOT / "robots/t1/policies/walk")]
+    assert main(["simulate-robot", str(tmp_path / "x.mcap"), *words]) == 1
+    assert "--script and --policy exclude each other" in capsys.readouterr().err
 
 
 def test_the_shipped_logs_are_what_their_commands_make(robot, tmp_path, monkeypatch):
