@@ -15,7 +15,7 @@ from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 
 LEAST_REST = 50
-"""Messages at rest below which gravity is no reason to refuse a log: joints that turn back are slow for a moment."""
+"""Messages at rest below which nothing is concluded from gravity: joints that turn back are slow for a moment."""
 
 
 @dataclass
@@ -104,7 +104,7 @@ class Plausible:
             notes.append(f"{self.out_of_range} messages are out of range ({joints or 'acceleration'}).")
         if self.restarts:
             notes.append(f"the count of lost packets fell {self.restarts} times.")
-        if self.rest and self._rest_tilt / self.rest > self.settings.rest_tilt_deg:
+        if self.rest >= LEAST_REST and self._rest_tilt / self.rest > self.settings.rest_tilt_deg:
             tilt = self._rest_tilt / self.rest
             notes.append(
                 f"at rest gravity is {tilt:.0f} degrees off the attitude: accelerometer and attitude disagree."

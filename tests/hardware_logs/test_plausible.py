@@ -80,6 +80,16 @@ def test_an_accelerometer_that_contradicts_the_attitude_is_told(look):
     assert "45 degrees off the attitude" in " ".join(look(tilted).remarks())
 
 
+def test_a_moment_at_rest_is_no_evidence_against_the_attitude(look):
+    def tilted(columns):
+        columns["gyro_b"][:], columns["joint_vel"][:] = 1.0, 1.0
+        columns["gyro_b"][:10], columns["joint_vel"][:10] = 0.0, 0.0
+        columns["rpy"][:10, 1] = np.radians(45.0)
+
+    found = look(tilted)
+    assert found.rest == 10 and found.remarks() == []
+
+
 def test_upright_at_rest_needs_no_remark(look):
     assert look(still).remarks() == []
 
