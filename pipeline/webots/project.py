@@ -114,7 +114,7 @@ def write_project(
         source: the robot's tables
         task: joints and gains
         envelope: torque limits of the motors
-        policy: the policy that walks; None: the robot stands in its default pose
+        policy: the policy that walks; None: the robot holds its default pose
         settings: timestep, friction and commands
 
     Raises FileError if a file can't be written, or if one is there that is not of an earlier project.

@@ -88,7 +88,7 @@ class WalkResult:
     seconds: float
     fell_s: float | None
     policy: bool
-    """Whether a policy was active; otherwise the robot only stood."""
+    """Whether a policy was active; otherwise the robot only held its default pose."""
     segments: tuple[WalkedSegment, ...]
 
 

@@ -101,7 +101,7 @@ def _reasons(result: WalkResult, settings: WebotsSettings, allowed: Mapping[str,
         yield f"fell after {result.fell_s:.2f} s"
     required = [pair for pair in zip(settings.segments, result.segments, strict=True) if pair[0].name in allowed]
     if not required:
-        yield "no segment is required: nothing was shown"
+        yield "no segment is required (`webots` in the robot's validation.yaml is empty): nothing was shown"
     for segment, walked in required:
         where = f"segment '{segment.name}'"
         if not walked.walked:
