@@ -15,7 +15,9 @@ values = settings.read(Path("data/hardware_logs.yaml"), LogSettings)
 
 with tempfile.TemporaryDirectory() as folder:
     # A log becomes one trial or several, each a Parquet file on a regular time base.
-    found = ingest(path, path.stem, Path(folder), layouts=layouts([load_robot("t1")]), settings=values)
+    found = ingest(
+        path, path.stem, Path(folder), layouts=layouts([load_robot("t1"), load_robot("k1")]), settings=values
+    )
     print(f"{path}: {found.integrity}, {found.messages} messages")
     for note in found.notes:
         print(f"  {note}")
