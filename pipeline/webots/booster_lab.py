@@ -1,8 +1,9 @@
 """The controller of the Webots project: sensors to the policy's observation, its targets to motor torques.
 
 Webots starts it in a folder with all it needs besides numpy: `task.json` (joints, gains, motor limits), `policy.npz`
-(without it the robot holds its default pose), `run.json` (the commands, and where to write the result) and our own modules. Each step
-is that of the robot: `PolicyController` for targets, `PdControl` for torques. The supervisor is used for scoring only.
+(without it the robot holds its default pose), `run.json` (the commands, and where to write the result) and our own
+modules. Each step is that of the robot: `PolicyController` for targets, `PdControl` for torques. The supervisor is used
+for scoring only.
 """
 
 import json
