@@ -5,6 +5,7 @@ python -m pipeline.feasibility.docs_table docs/feasibility.md
 
 import argparse
 import re
+import sys
 from pathlib import Path
 
 from pipeline.errors import FileError
@@ -35,7 +36,17 @@ def rewrite(page: Path) -> None:
     page.write_text(_PLACE.sub(lambda found: found[1] + docs_table() + found[2], text), encoding="utf-8")
 
 
-if __name__ == "__main__":
+def main(arguments: list[str]) -> int:
+    """Rewrite a page; 0, or 1 where that can't be done."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.feasibility.docs_table", description=__doc__)
     parser.add_argument("page", type=Path, help="page with the table (docs/feasibility.md)")
-    rewrite(parser.parse_args().page)
+    try:
+        rewrite(parser.parse_args(arguments).page)
+    except (FileError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

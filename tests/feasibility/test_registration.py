@@ -129,6 +129,13 @@ def test_the_table_in_the_docs_is_that_of_the_code(root: Path, tmp_path: Path):
         rewrite(page)
 
 
+@pytest.mark.parametrize(("page", "message"), [("README.md", "the comments"), ("none.md", "No such file")])
+def test_the_command_says_in_a_sentence_which_page_has_no_table(root: Path, page: str, message: str):
+    command = [sys.executable, "-m", "pipeline.feasibility.docs_table", page]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+    assert done.returncode == 1 and message in done.stderr and done.stderr.count("\n") == 1
+
+
 def test_the_command_that_writes_the_table_prints_its_usage(root: Path):
     command = [sys.executable, "-m", "pipeline.feasibility.docs_table", "--help"]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
