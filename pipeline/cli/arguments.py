@@ -255,5 +255,5 @@ class CheckRobot:
 
     folder: Annotated[Positional[Path], arg(metavar="DIR")]
     """folder of the robot (robots/k1)"""
-    against: Annotated[Positional[Path | None], arg(metavar="AGAINST")] = None
+    against: Annotated[Positional[Path | None], option("AGAINST", Path)] = None
     """URDF or MJCF of the same robot"""

@@ -55,6 +55,11 @@ def test_wrong_usage_ends_with_2_and_names_the_problem_and_the_help(capsys, word
     assert message in shown and "booster-lab" in shown and "--help" in shown
 
 
+def test_the_model_file_that_check_robot_compares_with_is_optional(capsys):
+    assert main(["check-robot", "--help"]) == 0
+    assert "check-robot [-h] DIR [AGAINST]" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
 def test_help_ends_with_0(capsys, command):
     assert main([*command, "--help"]) == 0
