@@ -120,4 +120,6 @@ AnkleKd = Annotated[
 Naming = Annotated[
     Text, arg(help="joint names in the output: a column of the robot's aliases.csv; the robot's own where not given")
 ]
-Workers = Annotated[int, arg(metavar="N", help="processes; 0 for one per core")]
+Workers = Annotated[
+    int, option("N", integer("a number of processes", 0, 1000)), arg(help="processes; 0 for one per core")
+]

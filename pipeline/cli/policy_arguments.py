@@ -191,5 +191,5 @@ class Play:
     """push to the left at half time of the filmed walk [N s]"""
     terrain: Annotated[str, arg(metavar="NAME")] = "flat"
     """terrain of the filmed walk, as the page names it"""
-    friction: float = 1.0
+    friction: Annotated[float, option("NUMBER", NOT_NEGATIVE)] = 1.0
     """sliding friction of the filmed walk"""

@@ -46,6 +46,8 @@ HEAVY = ("numpy", "torch", "mujoco", "pandas", "scipy", "dagster", "pinocchio", 
         (["simulate-robot", "o.mcap", "--message-loss", "2"], "2 is out of range, wanted 0 to 0.99"),
         (["simulate-robot", "o.mcap", "--friction=-1"], "-1 is out of range, wanted 0 or more"),
         (["simulate-robot", "o.mcap", "--hold", "2,1"], "'2,1' is not T,UNTIL with 0 <= T < UNTIL [s]"),
+        (["play", "a.npz", "--friction=-1"], "-1 is out of range, wanted 0 or more"),
+        (["validate", "a.npz", "--workers=-1"], "-1 is not a number of processes, wanted 0 to 1000"),
         (["database", "remove"], "restore"),
     ],
 )
