@@ -51,12 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"booster-lab {importlib.metadata.version('booster-lab')}")
         return 0
     try:
-        parsed = parse(words)
-    except SystemExit as stop:  # tyro has printed what is wrong, or shown the help
-        return int(stop.code or 0)
-    try:
-        module, function = COMMANDS[words[0]][1].split(":")
-        code = getattr(importlib.import_module(f"pipeline.cli.{module}"), function)(parsed)
+        code = _run(words)
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # whoever reads the output has enough of it, such as `head`
@@ -70,6 +65,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         return 130
+
+
+def _run(words: Sequence[str]) -> int:
+    try:
+        parsed = parse(words)
+    except SystemExit as stop:  # tyro has printed what is wrong, or shown the help
+        return int(stop.code or 0)
+    module, function = COMMANDS[words[0]][1].split(":")
+    return getattr(importlib.import_module(f"pipeline.cli.{module}"), function)(parsed)
 
 
 def parse(words: Sequence[str]) -> Any:

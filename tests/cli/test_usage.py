@@ -90,11 +90,11 @@ def test_help_and_typos_import_nothing_heavy(root: Path, words: list[str]):
     assert "tyro" in imported and not set(HEAVY) & set(imported)
 
 
-def test_output_that_nobody_reads_any_more_ends_quietly(root: Path):
+@pytest.mark.parametrize("words", [["--help"], ["inspect", "data/motions/stand.bvh", "--write-map"]])
+def test_output_that_nobody_reads_any_more_ends_quietly(root: Path, words: list[str]):
     program = "import sys; from pipeline.cli.main import main; sys.exit(main(sys.argv[1:]))"
     reading, writing = os.pipe()
     os.close(reading)
-    words = ["inspect", "data/motions/stand.bvh", "--write-map"]
     done = subprocess.run([sys.executable, "-c", program, *words], cwd=root, stdout=writing, stderr=subprocess.PIPE)
     os.close(writing)
     assert (done.returncode, done.stderr) == (141, b"")
