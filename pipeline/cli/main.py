@@ -68,6 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
+    """Exit code of the command in `words`, or of its help."""
     try:
         parsed = parse(words)
     except SystemExit as stop:  # tyro has printed what is wrong, or shown the help

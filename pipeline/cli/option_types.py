@@ -64,6 +64,7 @@ def within(low: float, high: float) -> Callable[[str], float]:
 
 
 def span(text: str) -> tuple[float, ...]:
+    """Begin and end of a time [s]."""
     start_s, stop_s = numbers(2)(text)
     if not 0.0 <= start_s < stop_s:
         raise ValueError(f"'{text}' is not T,UNTIL with 0 <= T < UNTIL [s]")

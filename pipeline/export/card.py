@@ -16,6 +16,8 @@ OTHER_SEEDS, HELD_OUT = "other seeds", "held-out"
 
 FILE = "card.json"
 PAGE = "CARD.md"
+OF_RUN = "export"
+"""Folder of a training run's own export, in that of the run."""
 SCHEMA = "booster-lab policy card 2"
 UNSEALED = "booster-lab policy card 1"
 """Schema of cards that carry no digest of themselves; they are read, not written."""
@@ -68,7 +70,7 @@ def read_card(folder: Path) -> ModelCard:
     """The card of an export. Raises FileError where it is missing, changed or incomplete, or names files elsewhere."""
     path = folder / FILE
     if not path.is_file():
-        of_run = folder / "export"
+        of_run = folder / OF_RUN
         do = f"Name {of_run}." if (of_run / FILE).is_file() else "Export one: python -m pipeline.export --help"
         raise FileError(path, "there is no exported policy here.", do)
     value = read_json(path, do=AGAIN, most_bytes=MAX_BYTES)

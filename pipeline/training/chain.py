@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 DISTILLATION, AMP, VALIDATION = "distillation", "amp", "validation"
 STAGES = (DISTILLATION, AMP, VALIDATION)
-EXPORT = "export"
 CONFIG = "config.json"
 SETTINGS = ("options", "seed", "bundle_digest", "stages")
 """Parts of `config.json` that must be equal for a run to continue; until it is trained, its number of processes too."""
@@ -113,7 +112,7 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
         if (folder / DONE).is_file():
             continue
         stale = [request.out / each for each in STAGES[STAGES.index(name) + 1 :] if (request.out / each).exists()]
-        if stale:
+        if first and stale:  # other processes may see what the first one has begun meanwhile
             raise TrainingError(f"{folder}: is not done, but {stale[0]} was made from it. Remove {stale[0]} as well.")
         if name == DISTILLATION:
             if first:
@@ -172,12 +171,13 @@ def _finish(bundle: Bundle, request: Request, stages: Sequence[str], validation:
     sums = {key: sum(done[key] for done in training) for key in ("seconds", "steps", "gpu_seconds")}
     done = {**training[-1], **sums, "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9), "stages": each}
     if validation is not None:
+        from pipeline.export.card import OF_RUN
         from pipeline.export.folder import export_policy, source_of_run
         from pipeline.robot import load_robot
 
         source = source_of_run(request.out, stated=done)
         robot, rng = load_robot(bundle.robot_folder), np.random.default_rng(0)
-        export_policy(request.out / EXPORT, request.out.name, robot, source, rng, shippable=False)
+        export_policy(request.out / OF_RUN, request.out.name, robot, source, rng, shippable=False)
     write_json(request.out / DONE, done)
 
 
