@@ -31,7 +31,6 @@ from pipeline.files import atomic, digest
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.kinematics import mujoco_model
-from pipeline.robot.legs import legs_of
 from pipeline.simulation.run import fall_height
 
 SCHEMA = "booster-lab training bundle 2"
@@ -129,11 +128,9 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "fall_height": fall_height(robot),
         "leg_length": robot.leg_length,
         "weight": round(robot.total_mass, 3) * GRAVITY,
-        "leg_joints": [robot.joint_names[joint] for joint in legs_of(robot).all],
         "kp": robot.kp.tolist(),
         "kd": robot.kd.tolist(),
         "effort_limit": [motors[name].box_effort_limit for name in robot.joint_names],
-        "velocity_limit": [motors[name].box_velocity_limit for name in robot.joint_names],
         **{
             key: [
                 getattr(motors[name], field) if ok else None for name, ok in zip(robot.joint_names, known, strict=True)
@@ -179,7 +176,6 @@ def expert_arrays(database: Database) -> bytes:
         "clip_weight": np.array([clip.weight for clip in clips]),
         "clip_augmented": np.array([variants[name] != "original" for name in names]),
         "clip_name": np.array(names),
-        "clip_skill": np.array([clip.skill for clip in clips]),
     }
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)  # pyright: ignore[reportArgumentType]

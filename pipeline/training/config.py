@@ -147,9 +147,6 @@ class DiscriminatorConfig:
 
     style: float = share(0.5, "share of the style reward in the blend; 0: no discriminator", source="paper: 0.3")
     loss: str = option("bce", "loss", "word", "D stayed within 1.6 on rollouts", words=("wasserstein", "bce"))
-    features: str = option(
-        "all", "features of a frame", "word", "with `legs` the arms left the clips' style", words=("all", "legs")
-    )
     frames: int = option(10, "consecutive control steps in a window", "count", "paper: 4", 2, 50)
     learning_rate: float = option(5e-5, "learning rate of Adam", "-", "with 1e-4 D drifted to 1.7", 1e-7, 1e-1)
     gradient_penalty: float = option(20.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)

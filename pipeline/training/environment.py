@@ -14,7 +14,7 @@ from mjlab.envs import ManagerBasedRlEnv
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import OWN_STARTS, drawn_frames
-from pipeline.training.amp.features import chosen_features, positions, state_features
+from pipeline.training.amp.features import positions, state_features
 from pipeline.training.bundle import FPS, Bundle
 from pipeline.training.captured import Captured
 from pipeline.training.config import AFTER_CHANGE_S, Config
@@ -104,7 +104,6 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.context = Context(
             bundle=bundle, config=config, starts=starts or self._expert_starts(bundle, config, device, seed)
         )
-        self.columns = chosen_features(config.discriminator.features, robot).to(device)
         self.ground_m = ROUGHNESS_M if config.simulation.terrain == "rough" else 0.0
         """Height of the highest ground [m]."""
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
@@ -160,7 +159,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
         self.restarts.append(lambda mask: replace(self.steps_since_push, mask, AFTER_CHANGE_STEPS))
         self._with_command = config.discriminator.by_command
-        size = len(self.columns) + 3 * self._with_command
+        size = 18 + 2 * len(robot.controlled) + 3 * self._with_command
         self._motion = torch.zeros(self.num_envs, config.discriminator.frames, size, device=self.device)
         self._positions = self.positions()[:, None].repeat(1, 3, 1)  # of the last three steps, the newest last
         super().load_managers()
@@ -276,7 +275,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     def motion_features(self) -> torch.Tensor:
         """What the discriminator reads of the states a step ago (n, f): features, and by command the command."""
-        motion = torch.nan_to_num(state_features(self._positions)).clamp(-LARGEST, LARGEST)[:, self.columns]
+        motion = torch.nan_to_num(state_features(self._positions)).clamp(-LARGEST, LARGEST)
         return torch.cat([motion, self.command], dim=1) if self._with_command else motion
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:

@@ -57,10 +57,9 @@ class AmpStage(Stage):
         self.env = AmpEnvironment(bundle, config, request.device, seed, request.physics)
         wrapped = ObservedEnvironment(self.env)
         wrapped.mirror = Mirror(bundle.robot, request.device)
-        columns = self.env.columns.cpu()
-        windows = expert_windows(bundle.expert, config, columns, request.seed)
-        commands = windows.shape[2] - len(columns)
-        least = functional.pad(floors(len(bundle.robot.controlled))[columns], (0, commands), value=COMMAND_FLOOR)
+        windows = expert_windows(bundle.expert, config, request.seed)
+        least = floors(len(bundle.robot.controlled))
+        least = functional.pad(least, (0, windows.shape[2] - len(least)), value=COMMAND_FLOOR)
         torch.manual_seed(seed)
         warm_up = CRITIC_WARM_UP if start is not None else 0
         self.runner = OnPolicyRunner(wrapped, runner_cfg(config, windows, least, warm_up), None, request.device)

@@ -9,7 +9,6 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.learning.robot_facts import read_robot_facts
 from pipeline.training.amp.algorithm import mean_where_not
 from pipeline.training.amp.discriminator import (
     Discriminator,
@@ -26,11 +25,11 @@ from pipeline.training.amp.expert import (
     frame_weights,
     window_starts,
 )
-from pipeline.training.amp.features import FeatureNormalizer, chosen_features, floors, frame_features
+from pipeline.training.amp.features import FeatureNormalizer, floors, frame_features
 from pipeline.training.amp.replay import Replay
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.config import PAPER, RECIPE
-from tests.factories.training_bundle import identity_frames, small_bundle
+from tests.factories.training_bundle import identity_frames
 
 JOINTS = 21
 COLUMNS = 37 + 2 * JOINTS
@@ -95,7 +94,7 @@ def test_accuracy_is_one_for_separated_and_half_for_equal_scores():
 
 
 def test_windows_stay_within_one_clip(expert):
-    windows = expert_windows(expert, PAPER.changed(SMALL), torch.arange(SIZE), seed=0)
+    windows = expert_windows(expert, PAPER.changed(SMALL), seed=0)
     assert windows.shape == (1000, 4, SIZE)
     frame = (windows[:, :, 0].numpy() - 7) / 100.0
     assert np.all(np.diff(frame, axis=1) == 1)
@@ -140,7 +139,7 @@ def test_frames_without_weight_answer_no_command(expert):
 
 def test_a_window_is_of_the_nearest_cell_or_keeps_its_own_command(expert):
     config = RECIPE.changed({**SMALL, "commands.fast_share": 0.3})
-    windows = expert_windows(expert, config, torch.arange(SIZE), seed=0)
+    windows = expert_windows(expert, config, seed=0)
     assert windows.shape == (1000, 4, SIZE + 3)
     command, frame = windows[:, :, SIZE:], (windows[:, 0, 0].numpy() - 7) / 100.0
     assert torch.equal(command, command[:, :1].expand(-1, 4, -1))
@@ -149,16 +148,6 @@ def test_a_window_is_of_the_nearest_cell_or_keeps_its_own_command(expert):
     nearer = np.linalg.norm(given / CELL, axis=1) > np.linalg.norm((given - [1.8, 0.0, 0.0]) / CELL, axis=1)
     assert np.array_equal(nearer[~kept], frame[~kept] >= 30)
     assert (~kept).mean() == pytest.approx((1.0 - OWN) * (1.0 - config.commands.standing_share), abs=0.1)
-
-
-def test_leg_features_are_leg_joints_feet_and_trunk_velocities(tmp_path, root, robot):
-    facts = read_robot_facts(small_bundle(tmp_path, root, robot))
-    assert torch.equal(chosen_features("all", facts), torch.arange(SIZE))
-    columns = chosen_features("legs", facts).tolist()
-    legs = [at for at, name in enumerate(facts.controlled) if "_Hip_" in name or "_Knee_" in name or "_Ankle_" in name]
-    assert len(legs) == 12
-    feet, velocities = list(range(JOINTS + 6, JOINTS + 12)), list(range(JOINTS + 12, JOINTS + 18))
-    assert columns == [*legs, *feet, *velocities, *(JOINTS + 18 + leg for leg in legs)]
 
 
 def test_features_take_the_columns_the_frames_have_them_in():

@@ -79,10 +79,10 @@ def drawn_frames(
     return starts[drawn], command, np.where(kept[:, None], command, np.float32(np.nan))
 
 
-def expert_windows(expert: ExpertFrames, config: Config, columns: torch.Tensor, seed: int) -> torch.Tensor:
-    """Windows (n, h, f) of the columns and, by command, of the command; each is of one clip."""
+def expert_windows(expert: ExpertFrames, config: Config, seed: int) -> torch.Tensor:
+    """Windows (n, h, f) of features and, by command, of the command; each is of one clip."""
     length = config.discriminator.frames
     first, command, _ = drawn_frames(expert, window_starts(expert, length), config, seed, OWN)
-    known = frame_features(torch.from_numpy(expert.frames))[:, columns]
+    known = frame_features(torch.from_numpy(expert.frames))
     motion = known[torch.from_numpy(first[:, None] + np.arange(length))]
     return torch.cat([motion, torch.from_numpy(command)[:, None].expand(-1, length, -1)], dim=2)

@@ -2,13 +2,11 @@
 
 60 numbers for 21 joints: q, hands and feet in the trunk's frame, trunk velocities in its own frame, dq. Velocities of
 both are central differences of positions, as `pipeline/expert/frames.py` has them: the simulator's differ by the
-vibration within two control steps, from which a discriminator could tell the policy. The discriminator reads all
-features or those of the legs and the trunk.
+vibration within two control steps, from which a discriminator could tell the policy.
 """
 
 import torch
 
-from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.bundle import FPS
 
 FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0}
@@ -18,8 +16,6 @@ COMMAND_FLOOR = 0.2
 """Least standard deviation of a command that the discriminator reads [m/s, rad/s]."""
 CLIP = 10.0
 """Normalized features are clipped here."""
-LEG_PARTS = ("Hip", "Knee", "Ankle")
-"""Parts of the names of leg joints, where the robot has them."""
 
 
 def positions(
@@ -55,17 +51,6 @@ def frame_features(frames: torch.Tensor) -> torch.Tensor:
     parts = torch.split(frames, [3, 4, joints, 12, 3, 3, joints, 12], dim=1)
     _, _, joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel, _ = parts
     return torch.cat([joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel], dim=1)
-
-
-def chosen_features(kind: str, robot: RobotFacts) -> torch.Tensor:
-    """Columns of the features that the discriminator reads: `all`, or `legs`: leg joints, feet and trunk velocities."""
-    count = len(robot.controlled)
-    if kind == "all":
-        return torch.arange(18 + 2 * count)
-    legs = torch.tensor([at for at, name in enumerate(robot.controlled) if any(part in name for part in LEG_PARTS)])
-    feet = count + torch.arange(6, 12)
-    velocities = count + 12 + torch.arange(6)
-    return torch.cat([legs.long(), feet, velocities, count + 18 + legs.long()])
 
 
 def floors(joints: int) -> torch.Tensor:
