@@ -8,7 +8,8 @@ from pipeline import rotation, time_series
 from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
 
-_SPEEDS = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "stance_slip_m_s", "pelvis_velocity_error_m_s")
+_POWERS = {"_m_s": 1, "_rad_s": 1, "_rad_s3": 3, "seconds": -1}
+"""How a number goes with the playing speed, by the unit that its name ends in."""
 
 
 def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
@@ -35,10 +36,9 @@ def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
 def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
     """Numbers of earlier stages, as they are at `scale` times the speed: speeds, seconds and jerk scale."""
     scaled = dict(numbers)
-    powers = {**dict.fromkeys(_SPEEDS, 1), "seconds": -1, "jerk_rad_s3": 3}
-    for name, power in powers.items():
-        value = scaled.get(name)
-        if isinstance(value, (int, float)):
+    for name, value in numbers.items():
+        power = next((power for ending, power in _POWERS.items() if name.endswith(ending)), 0)
+        if power and isinstance(value, (int, float)):
             scaled[name] = value * scale**power
     return scaled
 

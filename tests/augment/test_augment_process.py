@@ -13,7 +13,11 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import SettingsError
 from pipeline.files import settings
 from pipeline.quality.sole import ContactSettings
+from pipeline.retarget import RetargetSettings
+from pipeline.retarget import process as retarget
+from pipeline.retarget.process import velocity_of
 from pipeline.robot import Robot
+from tests.factories.human_clips import walker
 from tests.factories.robot_clips import standing, wandering
 
 CONTACT = ContactSettings(height=0.01, on_speed=0.4, off_speed=0.7, shortest_s=0.04)
@@ -96,6 +100,42 @@ def test_numbers_scale_as_their_units_say():
         "seconds": 2.0,
         "licence": "CC0-1.0",
     }
+
+
+def test_every_speed_that_earlier_stages_report_scales(root: Path, robot: Robot):
+    retargeting = settings.read(root / "data" / "retarget.yaml", RetargetSettings)
+    (piece,) = retarget(walker(seconds=2.0), {}, settings=retargeting, robot=robot).pieces
+    reported = {
+        **piece.numbers,
+        "stance_slip_m_s": 0.1,
+        "planted_m_s": 0.2,
+        "off_skill_m_s": 0.3,
+        "floor_slope_m_s": 0.01,
+    }
+    scaled = time_scale_numbers(reported, 2.0)
+    speeds = {name for name in reported if name.endswith(("_m_s", "_rad_s"))}
+    assert {"slip_m_s", "slip_strict_m_s", "pelvis_velocity_error_m_s", "yaw_rate_rad_s"} < speeds
+    for name, value in reported.items():
+        power = 1 if name in speeds else 3 if name == "jerk_rad_s3" else 0
+        assert scaled[name] == (pytest.approx(value * 2.0**power) if isinstance(value, float) else value), name
+
+
+def test_the_numbers_of_a_faster_clip_are_its_own_velocities(robot: Robot):
+    clip = wandering(robot, seconds=4.02)  # 200 steps: the faster one ends where it does
+    before, after = (velocity_of(each) for each in (clip, time_scale_clip(clip, 2.0, "fast")))
+    assert time_scale_numbers(before, 2.0) == pytest.approx(after, abs=5e-3)
+
+
+@pytest.mark.parametrize("scale", [0.5, 0.8, 1.25, 2.0])
+def test_feet_touch_down_at_scaled_times(robot: Robot, scale: float):
+    clip = wandering(robot, seconds=4.0)
+    scaled = time_scale_clip(clip, scale, "scaled")
+    times_s = np.arange(scaled.frame_count) / scaled.fps * scale  # of the original
+    expected = np.stack([times_s % 1.0 < 0.5, times_s % 1.0 >= 0.4], axis=1)
+    part = times_s % 1.0
+    clear = np.min([np.abs(part - edge) for edge in (0.0, 0.4, 0.5, 1.0)], axis=0) > 1.0 / clip.fps
+    assert clear.mean() > 0.7 and scaled.contacts is not None
+    np.testing.assert_array_equal(scaled.contacts[clear], expected[clear])
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, 1.0, 2.5])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.augment import leg_solver
-from pipeline.augment.leg_solver import legs_of, reach
+from pipeline.augment.leg_solver import legs_of, lift_in_swings, offset_by_stance, reach, shortest_jerk
 from pipeline.robot import Kinematics, Robot
 from tests.factories.robot_clips import standing
 
@@ -66,3 +66,39 @@ def test_a_foot_out_of_reach_is_missed_by_what_the_leg_lacks(robot: Robot):
     found = reach(robot.tree, leg, base, down, clip.joint_pos[:, leg.joints])
     assert not found.reached.any()
     assert np.all(found.miss > 0.2)
+
+
+def test_an_offset_is_that_of_the_middle_of_each_stance():
+    contact = np.zeros(60, dtype=bool)
+    contact[10:21] = contact[40:51] = True
+    offset = offset_by_stance(contact, lambda frame: np.array([float(frame), 0.0, 0.0]))
+    np.testing.assert_array_equal(offset[10:21, 0], 15.0)
+    np.testing.assert_array_equal(offset[40:51, 0], 45.0)
+    assert offset[0, 0] == 0.0 and offset[-1, 0] == 59.0
+    assert np.all(np.diff(offset[20:41, 0]) > 0.0)
+
+
+def test_between_stances_goes_the_polynomial_that_six_conditions_give():
+    """Place, speed and acceleration at both ends: 0, 0, 0 and 1, 0, 0."""
+    powers = np.arange(6)
+
+    def derivative(order: int, at: float) -> np.ndarray:
+        factor = np.prod([powers - each for each in range(order)], axis=0) if order else np.ones(6)
+        return factor * np.where(powers >= order, float(at) ** np.maximum(powers - order, 0), 0.0)
+
+    conditions = np.array([derivative(order, at) for at in (0.0, 1.0) for order in range(3)])
+    factors = np.linalg.solve(conditions, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    along = np.linspace(0.0, 1.0, 23)
+    np.testing.assert_allclose(shortest_jerk(along), along[:, None] ** powers @ factors, atol=1e-12)
+
+
+@pytest.mark.parametrize("highest", [18, 20, 22])
+def test_a_lift_is_largest_where_the_foot_is_highest_and_level_there(highest: int):
+    contact = np.ones(60, dtype=bool)
+    contact[1:40] = False  # 39 frames; the stances before and after it are 40 steps apart
+    height = -np.abs(np.arange(60.0) - highest)
+    lift = lift_in_swings(contact, height, 50.0)
+    assert int(np.argmax(lift)) == highest and lift[highest] == pytest.approx(1.0)
+    assert lift[highest - 1] == pytest.approx(lift[highest + 1], abs=2e-3)
+    np.testing.assert_array_equal(lift[contact], 0.0)
+    assert lift[1] < 2e-3 and lift[39] < 2e-3

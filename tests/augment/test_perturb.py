@@ -8,7 +8,7 @@ import pytest
 
 from pipeline import rotation, time_series
 from pipeline.augment import AugmentSettings, process
-from pipeline.augment.perturb import perturb
+from pipeline.augment.perturb import _along, _steady, gait_of, perturb
 from pipeline.augment.process import KINDS, Strengths
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
@@ -167,6 +167,54 @@ def test_the_mirror_of_a_variant_is_the_variant_of_the_mirror(kind: str, strengt
     np.testing.assert_allclose(other.joint_pos, one.joint_pos, atol=2e-3)
     np.testing.assert_allclose(other.root_pos_w, one.root_pos_w, atol=1e-3)
     assert rotation.angle_between(other.root_quat_w, one.root_quat_w).max() < 1e-6
+
+
+@pytest.mark.parametrize("yaw", [1.3, -2.6])
+@pytest.mark.parametrize(("kind", "strength"), PLANNED)
+def test_the_variant_of_a_turned_walk_is_the_turned_variant(kind: str, strength: float, yaw: float):
+    def turned(clip: RobotClip) -> RobotClip:
+        turn = rotation.about_z(yaw)
+        root_pos_w = rotation.rotate(turn, clip.root_pos_w) + np.array([3.0, -2.0, 0.0])
+        return dataclasses.replace(clip, root_pos_w=root_pos_w, root_quat_w=rotation.multiply(turn, clip.root_quat_w))
+
+    one, other = turned(variant(1.1, kind, strength)), made(turned(walking(1.1)), kind, strength)
+    np.testing.assert_allclose(other.joint_pos, one.joint_pos, atol=1e-6)
+    np.testing.assert_allclose(other.root_pos_w, one.root_pos_w, atol=1e-7)
+    assert rotation.angle_between(other.root_quat_w, one.root_quat_w).max() < 1e-6
+
+
+@pytest.mark.parametrize(("kind", "strength"), [("step_length", 1.02), ("step_width", 0.02)])
+def test_the_root_is_lowered_until_no_leg_is_stretched_further(kind: str, strength: float):
+    clip, new = walking(1.1), variant(1.1, kind, strength)
+
+    def longest(some: RobotClip) -> float:
+        pos_w = Kinematics(ROBOT).forward(some.root_pos_w, some.root_quat_w, some.joint_pos).pos_w
+        ends = [("Hip_Pitch_Left", "left_foot_link"), ("Hip_Pitch_Right", "right_foot_link")]
+        return max(rotation.length(pos_w[:, ROBOT.link(a)] - pos_w[:, ROBOT.link(b)]).max() for a, b in ends)
+
+    lowered = clip.root_pos_w[:, 2] - new.root_pos_w[:, 2]
+    assert longest(new) <= longest(clip) + 1e-6
+    assert np.ptp(lowered) < 1e-12 and 0.0 < lowered[0] < 0.03
+
+
+def test_a_robot_that_turns_steadily_has_its_heading_to_the_last_frame():
+    turning = np.linspace(0.3, 4.3, 200)
+    np.testing.assert_allclose(_steady(turning, 50.0), turning, atol=1e-12)
+    swaying = turning + 0.1 * np.sin(2.0 * np.pi * np.arange(200) / 51.0)
+    assert np.abs(_steady(swaying, 50.0) - turning)[30:-30].max() < 1e-3
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.2])
+def test_from_a_slow_walk_on_the_steps_are_scaled_along_the_path(yaw: float):
+    """At 0.3 m/s the path has a direction: nearly all of what is along it counts, and nothing of what is beside it."""
+    clip = standing(ROBOT, seconds=4.0)
+    along, beside = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+    way = 0.3 * np.arange(clip.frame_count)[:, None] / clip.fps * along
+    gait = gait_of(dataclasses.replace(clip, root_pos_w=clip.root_pos_w + way), ROBOT, CONTACT)
+    for frame in (0, 100, clip.frame_count - 1):
+        found = _along(gait, frame, 0.2 * along + 0.1 * beside)
+        assert found @ along == pytest.approx(0.2, rel=0.05)
+        assert found @ beside == pytest.approx(0.0, abs=1e-9)
 
 
 def test_an_ankle_at_its_limit_lets_the_foot_turn_in_the_air_and_never_on_the_ground():
