@@ -148,7 +148,8 @@ def plan_targets(
         grip=(contacts | (foot_spacing.overlap(feet, heading, body.sole, wary) > 0.0)[:, None]).astype(float),
         foot_pos_w=feet[..., X : Z + 1].swapaxes(0, 1).copy(),
         foot_quat_w=_foot_quat(feet.swapaxes(0, 1)),
-        pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
+        pelvis_pos_w=centre_w
+        - rotation.rotate(trunk_quat_w, rotation.rotate(rotation.about_z(waist_pos), body.hip_centre_b)),
         pelvis_held=np.zeros(clip.frame_count),
         pelvis_smoothed=np.zeros(clip.frame_count),
         trunk_quat_w=trunk_quat_w,

@@ -58,6 +58,18 @@ def test_the_flat_ankle_stands_where_the_humans_does():
     np.testing.assert_allclose(locked[:, :2], 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("near", [3.1, -3.1, 9.4])
+def test_a_stance_that_points_backward_has_the_yaw_of_its_angles_on_either_branch(near: float):
+    raw = np.zeros((6, 5))
+    raw[:, YAW] = near
+    toe_yaw = np.array([3.13, -3.13, 3.1, -3.14, 3.12, -3.12])  # pi give or take 0.04
+    contact = np.ones(6, dtype=bool)
+    locked = foot_plan.lock_stances(raw, contact, np.zeros((6, 2)), toe_yaw, 0.08, SOLE, FEET)
+    assert np.ptp(locked[:, YAW]) == 0.0
+    assert np.cos(locked[0, YAW]) < -0.999
+    assert abs(locked[0, YAW] - near) < 0.1
+
+
 @pytest.mark.parametrize("speed", [0.0, 0.01])
 def test_a_swing_joins_its_stances_without_a_step_in_position_or_speed(speed):
     frames = np.arange(60)

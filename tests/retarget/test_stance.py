@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline import rotation
+from pipeline.clips.human_clip import body as human_body
 from pipeline.errors import ClipError
 from pipeline.files import settings as settings_file
-from pipeline.retarget import targets
+from pipeline.retarget import robot_body, targets
 from pipeline.retarget.foot_plan import contacts_of, without_short_runs
 from pipeline.retarget.settings import RetargetSettings
 from tests.factories.human_clips import HIP_HALF, SHANK, THIGH, walker
@@ -59,3 +61,23 @@ def test_legs_that_no_person_has_are_refused():
     clip = scaled(walker(seconds=2.0), 100.0)
     with pytest.raises(ClipError, match=r"the legs are 89 m long"):
         targets.measure(clip, clip.contacts)
+
+
+@pytest.mark.parametrize("hip_centre_b", [(0.0, 0.0, -0.1), (0.05, 0.02, -0.03)])
+def test_the_hips_of_a_pelvis_that_leans_and_turns_are_where_they_are_planned(settings, robot, hip_centre_b):
+    """Whatever the way from the pelvis link's origin to the hips: it leans with the trunk and turns with the waist."""
+    clip = walker(seconds=2.0)
+    chest = human_body("chest")
+    lean = rotation.from_rotvec(np.array([0.1, 0.3, 0.5]))
+    quat = clip.body_quat_w.copy()
+    quat[:, chest] = rotation.multiply(quat[:, chest], lean)
+    turned = dataclasses.replace(clip, body_quat_w=quat)
+    body = robot_body.measure(robot)
+    own, other = (
+        targets.plan_targets(turned, clip.contacts, dataclasses.replace(body, hip_centre_b=np.array(way)), settings)
+        for way in ((0.0, 0.0, 0.0), hip_centre_b)
+    )
+    assert np.abs(other.waist_pos).min() > 0.2
+    pelvis_quat_w = rotation.multiply(other.trunk_quat_w, rotation.about_z(other.waist_pos))
+    hips_w = other.pelvis_pos_w + rotation.rotate(pelvis_quat_w, np.array(hip_centre_b))
+    np.testing.assert_allclose(hips_w, own.pelvis_pos_w, atol=1e-9)
