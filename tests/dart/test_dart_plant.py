@@ -14,7 +14,7 @@ from pipeline.actuators.standing import read_standing_pose
 from pipeline.dart.plant import DartPlant
 from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.simulation.mujoco_plant import added_moments, put_armature_on_links
-from pipeline.simulation.plant import PlantState
+from pipeline.simulation.plant import PlantState, standing_state
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 
@@ -165,6 +165,70 @@ def test_a_kick_changes_the_velocity_of_all_links_and_nothing_else(robot: Robot,
     np.testing.assert_allclose(after.root_lin_vel_w - state.root_lin_vel_w, [0.4, -0.3, 0.1], atol=1e-12)
     np.testing.assert_allclose(after.root_ang_vel_b, state.root_ang_vel_b, atol=1e-12)
     np.testing.assert_allclose(after.joint_vel, state.joint_vel, atol=1e-12)
+
+
+@pytest.mark.parametrize("friction", [0.3, 1.4])
+def test_feet_that_slide_are_braked_by_the_friction_that_was_asked(robot: Robot, friction: float):
+    """Dantzig's method takes the size of the friction pyramid from the normal forces without friction."""
+
+    def braked(friction: float) -> np.ndarray:
+        plant, torque = DartPlant(robot, timestep_s=0.001, friction=friction), np.zeros(len(robot.joint_names))
+        plant.reset()
+        for _ in range(20):
+            plant.step(torque)
+        plant.kick(np.array([3.0, 0.0, 0.0]))
+        plant.step(torque)
+        return plant.foot_wrench_w()[:, :3].sum(axis=0)
+
+    smooth = braked(1e-9)
+    assert smooth[2] > 0.4 * robot.total_mass * 9.81 and abs(smooth[0]) < 1e-3
+    assert -braked(friction)[0] == pytest.approx(friction * smooth[2], rel=0.03)
+
+
+def test_feet_do_not_bounce(robot: Robot):
+    plant, start = DartPlant(robot, timestep_s=0.001), standing_state(robot)
+    dropped = start.root_pos_w + np.array([0.0, 0.0, 0.02])
+    plant.reset(dataclasses.replace(start, root_pos_w=dropped, root_lin_vel_w=np.array([0.0, 0.0, -1.5])))
+    feet = [robot.tree.site_link[robot.site(name)] for name in robot.feet]
+    height = []
+    for _ in range(60):
+        plant.step(np.zeros(len(robot.joint_names)))
+        state = plant.state()
+        poses = Kinematics(robot).forward(state.root_pos_w[None], state.root_quat_w[None], state.joint_pos[None])
+        height.append(poses.pos_w[0, feet, 2])
+    speed = np.diff(height, axis=0) / plant.timestep_s
+    assert speed.min() < -1.4, "it falls on them"
+    assert speed.max() < 0.05
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_links_that_touch_are_those_that_touch_in_mujoco(robot: Robot, seed: int):
+    """Poses at the ends of the joints' ranges; pairs that overlap by less than a millimetre may be told either way."""
+    drawn = any_state(robot, seed)
+    ends = np.random.default_rng(seed).integers(0, 2, len(robot.joint_names)).astype(bool)
+    joint_pos = np.where(ends, robot.joint_lower, robot.joint_upper)
+    state = dataclasses.replace(drawn, joint_pos=joint_pos, joint_vel=np.zeros_like(joint_pos))
+    plant = DartPlant(robot, timestep_s=1e-6)
+    plant.reset(state)
+    plant.step(np.zeros(len(robot.joint_names)))
+    bodies = [plant._skeleton.getBodyNode(name) for name in robot.link_names]
+    link_of = {
+        body.getShapeNode(index).getName(): body.getName()
+        for body in bodies
+        for index in range(body.getNumShapeNodes())
+    }
+    result = plant._world.getLastCollisionResult()
+    contacts = [result.getContact(index) for index in range(result.getNumContacts())]
+    pairs = [(each.collisionObject1, each.collisionObject2) for each in contacts]
+    found = {frozenset(link_of[one.getShapeFrame().getName()] for one in pair) for pair in pairs}
+    model, data = bridge_data(robot, state)
+    deep, touching = set(), set()
+    for contact in data.contact:
+        pair = frozenset(model.body(model.geom_bodyid[geom]).name for geom in contact.geom)
+        touching.add(pair)
+        if contact.dist < -0.001:
+            deep.add(pair)
+    assert deep <= found <= touching
 
 
 def test_a_reset_gives_the_same_bits_again(robot: Robot):
