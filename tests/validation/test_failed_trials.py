@@ -19,7 +19,7 @@ from pipeline.validation.deployed import Deployed
 from pipeline.validation.failed_trials import failed_trial, file_name, missed_by, worst_trial, write_failed_trials
 from pipeline.validation.figures import FIGURES, measure_trials
 from pipeline.validation.suites import push_cells
-from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
+from pipeline.validation.trial import CommandProfile, Conditions, Trial, VelocityCommand
 from pipeline.validation.verdict import CellVerdict, Reason, Verdict
 from pipeline.validation.walk import Worlds
 from tests.factories.log_trials import FAILURES, nominal_actuators, trial_of
@@ -62,6 +62,24 @@ def test_a_failed_cell_is_a_log_that_the_reader_of_logs_takes(
     assert fell.from_s == verdict.cells[0].measured.trials[0]["fell_s"] > 1.0
     write_failed_trials(still, verdict, tmp_path)
     assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.2])
+def test_the_gains_in_a_log_are_those_that_made_its_torques(still: Deployed, verdict: Verdict, factor: float):
+    (one,) = verdict.cells
+    (trial,) = one.measured.cell.trials
+    gained = dataclasses.replace(trial, seconds=0.4, conditions=Conditions(gain_factor=factor))
+    walked = dataclasses.replace(one.measured.cell, trials=(gained,))
+    measured_again = dataclasses.replace(one.measured, cell=walked)
+    rollout, log = failed_trial(Worlds(still), dataclasses.replace(one, measured=measured_again))
+    assert log.joint_ctrl is not None
+    np.testing.assert_allclose(log.joint_ctrl.kp[0], factor * still.task.kp, rtol=1e-6)
+    np.testing.assert_allclose(log.joint_ctrl.kd[0], factor * still.task.kd, rtol=1e-6)
+    asked = (
+        log.joint_ctrl.kp[0] * (rollout.target[0] - rollout.qpos[0, 7:]) - log.joint_ctrl.kd[0] * rollout.qvel[0, 6:]
+    )
+    free = np.abs(asked) < 0.9 * still.robot.torque_limit
+    np.testing.assert_allclose(rollout.torque[0, free], asked[free], atol=1e-6)
 
 
 def test_the_worst_trial_is_the_first_that_fell_or_the_farthest_from_its_bar():

@@ -10,11 +10,12 @@ import pytest
 from pipeline import rotation
 from pipeline.robot import Kinematics, Robot
 from pipeline.simulation import terrain
-from pipeline.simulation.plant import PlantState
+from pipeline.simulation.plant import Kick, PlantState, Push, Throw
 from pipeline.validation.bars import command_errors
 from pipeline.validation.cells import TERRAINS, condition_cells, step_cells, switch_cells
 from pipeline.validation.cross_engine_walk import PushSettings, _push, figures_of
 from pipeline.validation.deployed import Deployed
+from pipeline.validation.suites import push_cells
 from pipeline.validation.trial import Start
 from pipeline.validation.walk import drawn_start, ground_of
 from tests.factories.validation_walks import gliding_rollout
@@ -57,6 +58,15 @@ def test_a_push_has_its_impulse_in_the_robots_heading():
     made = _push(push, Mock(spec=PlantState, root_quat_w=rotation.about_z(1.0)))
     wanted = rotation.rotate(rotation.about_z(1.0), np.array([20.0, -5.0, 0.0]))
     assert made is not None and made.force_w * made.duration_s == pytest.approx(wanted)
+
+
+def test_pushes_come_forward_first_and_then_turn_to_the_left(robot: Robot):
+    ways = {Push: "force_w", Kick: "delta_v_w", Throw: "direction_w"}
+    for cell in push_cells(robot):
+        events = [trial.events[0] for trial in cell.trials[:8]]
+        way = np.array([getattr(event, ways[type(event)]) for event in events])
+        headings = rotation.rotate(rotation.about_z(np.arange(8) * np.pi / 4.0), np.array([1.0, 0.0, 0.0]))
+        np.testing.assert_allclose(rotation.normalize(way), headings, atol=1e-9, err_msg=cell.name)
 
 
 @pytest.mark.parametrize(
