@@ -6,11 +6,12 @@ import logging
 import numpy as np
 import pytest
 
+from pipeline import rotation
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.expert import realizability
-from pipeline.expert.realizability import REFERENCES, TooFewMotionsError, _chosen, accuracy_against_rollouts
-from tests.factories.robot_clips import standing
+from pipeline.expert.realizability import REFERENCES, TooFewMotionsError, _chosen, accuracy_against_rollouts, windows
+from tests.factories.robot_clips import standing, wandering
 
 NAMES = [f"walk{index}" for index in range(6)]
 
@@ -83,3 +84,34 @@ def test_a_few_motions_are_not_enough(robot, tmp_path, count):
     few = _manifest(store, robot, NAMES[:count])
     with pytest.raises(TooFewMotionsError, match=r"at least 4 are needed|No motion was rolled out"):
         _accuracy(store, robot, few, few, 0.0, [])
+
+
+def test_windows_do_not_tell_where_a_motion_is_and_which_way_it_heads(robot):
+    """Gravity and velocities are those in the root's frame, so place and heading are nothing to tell motions apart."""
+    clip = wandering(robot)
+    turn = rotation.about_z(2.1)
+    moved = dataclasses.replace(
+        clip,
+        root_pos_w=rotation.rotate(turn, clip.root_pos_w) + np.array([5.0, -3.0, 0.0]),
+        root_quat_w=rotation.multiply(turn, clip.root_quat_w),
+    )
+    np.testing.assert_allclose(windows(moved, robot), windows(clip, robot), atol=1e-9)
+
+
+def test_a_window_has_the_velocities_that_were_planted(robot):
+    """A robot that leans forward by 0.3 rad walks ahead at 0.5 m/s and turns at 0.8 rad/s."""
+    clip, lean, rate, speed = standing(robot, 2.0), 0.3, 0.8, 0.5
+    time_s = np.arange(clip.frame_count) / clip.fps
+    heading = rotation.about_z(rate * time_s)
+    tilt = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), lean)
+    way = speed / rate * np.stack([np.sin(rate * time_s), 1.0 - np.cos(rate * time_s), 0.0 * time_s], axis=1)
+    walks = dataclasses.replace(
+        clip, root_pos_w=clip.root_pos_w + way, root_quat_w=rotation.multiply(heading, np.tile(tilt, (len(heading), 1)))
+    )
+    frame = windows(walks, robot)[3].reshape(realizability.WINDOW, -1)[2]
+    gravity, velocity, turning = frame[-9:-6], frame[-6:-3], frame[-3:]
+    cosine, sine = np.cos(lean), np.sin(lean)
+    np.testing.assert_allclose(gravity, [sine, 0.0, -cosine], atol=1e-9)
+    np.testing.assert_allclose(velocity, [speed * cosine, 0.0, speed * sine], atol=1e-3)
+    np.testing.assert_allclose(turning, [-rate * sine, 0.0, rate * cosine], atol=1e-3)
+    assert frame[-10] == pytest.approx(robot.default_root_height)
