@@ -57,6 +57,11 @@ def test_the_files_of_a_split_bag_are_one_log_and_all_are_heard(gap_s):
     assert "friction" in {change.what for change in proposal(first, second, third).changes}
 
 
+def test_the_files_of_a_split_bag_are_not_named_as_copies():
+    first, second = (_timed(number, failure(), start_s=8.0 * number, data=str(number)) for number in (1, 2))
+    assert not any("counts once" in sentence for sentence in proposal(first, second).silent)
+
+
 def test_real_logs_apart_in_time_are_two():
     assert _weight(_timed(1, failure()), _timed(2, failure(), start_s=9.5)) == TWO
 
