@@ -105,6 +105,24 @@ def test_torque_and_speed_beyond_the_limits_are_counted_and_braking_torque_is_no
     assert "1 of 400 samples give more torque" in found[1].text(400)
 
 
+def test_a_log_of_the_opposite_motion_has_the_same_reach_and_the_same_excess():
+    speed, torque = log()
+    speed[40:45, 0], torque[40:45, 0] = 13.5, 55.0  # driving at 13.5 rad/s, 42 N m are there
+    ahead, back = log_envelope(MOTORS, speed, torque), log_envelope(MOTORS, -speed, -torque)
+    assert ahead[0].over_torque == back[0].over_torque == 5
+    for one, other in zip(ahead, back, strict=True):
+        assert one.worst_torque_excess == pytest.approx(other.worst_torque_excess)
+        np.testing.assert_allclose(one.reached_torque, other.reached_torque, atol=0.01)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_brakes_is_no_torque_in_the_direction_of_motion(way: float):
+    speed = way * np.tile([8.0, 8.0, 8.0], (50, 1))
+    brakes = log_envelope(MOTORS, speed, -way * np.tile([30.0, 20.0, 5.0], (50, 1)))
+    assert [np.nanmax(each.reached_torque) for each in brakes] == pytest.approx([-30.0, -20.0, -5.0])
+    assert [each.max_torque for each in brakes] == pytest.approx([30.0, 20.0, 5.0])
+
+
 def test_a_log_of_other_joints_is_refused():
     with pytest.raises(ValueError, match="of 3 joints"):
         log_envelope(MOTORS, np.zeros((5, 2)), np.zeros((5, 2)))
