@@ -6,6 +6,7 @@ import pytest
 from pipeline.hardware_logs.columns import LINEAR, PREVIOUS
 from pipeline.hardware_logs.log_report import TimeSettings, stretches
 from pipeline.hardware_logs.regular import LOST, SILENT, Block, Regular, Stretched
+from pipeline.hardware_logs.trial import Gap
 
 SETTINGS = TimeSettings(rate_hz=500.0, bridge_s=0.02, split_s=1.0, disorder_s=0.05, min_s=0.2)
 START_NS = 1_750_000_000_000_000_000
@@ -84,6 +85,21 @@ def test_a_silence_is_a_gap_and_a_long_one_ends_the_trial():
     values = joined(trials[0], "joint_pos")[:, 0]
     np.testing.assert_array_equal(np.isnan(values), [198 < 2 * n < 300 for n in range(len(values))])
     assert made[1].start_ns == START_NS + 1600 * MS
+
+
+def test_temperatures_and_lost_packets_keep_the_last_value_between_messages():
+    ((block,),), _ = run([stamps(1.0, 5.0, 9.0)])
+    assert ((block.grid_ns - START_NS) / MS).tolist() == [2.0, 4.0, 6.0, 8.0]
+    for name in PREVIOUS:
+        assert block.columns[name][:, 0].tolist() == [1.0, 1.0, 5.0, 5.0], name
+
+
+def test_the_rate_of_messages_is_that_of_the_time_that_damage_left():
+    """Ten seconds, one of them damaged: 4,500 messages are 500 a second. A silence without damage counts as time."""
+    gaps = [Gap(start_s=1.0, stop_s=2.0, reason=LOST), Gap(start_s=5.0, stop_s=6.0, reason=SILENT)]
+    trial = Stretched(start_ns=START_NS, gaps=gaps, samples=5000, messages=4500)
+    assert trial.message_hz(500.0) == pytest.approx(500.0)
+    assert Stretched(start_ns=START_NS, samples=5000, messages=4500).message_hz(500.0) == pytest.approx(450.0)
 
 
 def test_where_messages_were_lost_even_a_short_span_is_not_joined():

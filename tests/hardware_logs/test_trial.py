@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
 from pipeline.hardware_logs import Gap, OperatorEvent, Trial, read_trial
@@ -97,3 +98,11 @@ def test_gravity_and_gaps_are_where_they_should_be():
     trial = a_trial()
     np.testing.assert_allclose(np.linalg.norm(trial.gravity_b, axis=1), 1.0, rtol=1e-6)
     np.testing.assert_array_equal(trial.measured, [True, True, False, True, True])
+
+
+def test_gravity_is_that_of_the_rotation_matrix():
+    """R = Rz(yaw) Ry(pitch) Rx(roll), by scipy: gravity in the trunk's frame is minus R's third row."""
+    rpy = np.random.default_rng(0).uniform(-1.4, 1.4, (5, 3)).astype(np.float32)
+    matrix = Rotation.from_euler("ZYX", rpy[:, ::-1]).as_matrix()
+    trial = dataclasses.replace(a_trial(), rpy=rpy)
+    np.testing.assert_allclose(trial.gravity_b, -matrix[:, 2], atol=1e-6)
