@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline import rotation
 from pipeline.augment.mirror import time_scale_clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
@@ -14,7 +15,7 @@ from pipeline.feasibility.motion import at_database_rate, motion_of
 from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.policy_walks import policy_walk
-from tests.factories.robot_clips import standing
+from tests.factories.robot_clips import standing, wandering
 from tests.factories.robot_faults import FAULTS
 
 
@@ -160,3 +161,16 @@ def test_a_planted_infeasibility_is_found_and_the_rest_satisfies_the_stage_by_it
             assert assess(motion_of(piece.clip, robot, limits), limits).holds
             again = process(piece.clip, {}, settings=limits, robot=robot)
             assert [other.clip.name for other in again.pieces] == [piece.clip.name]
+
+
+@pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
+def test_the_sign_of_quaternions_does_not_matter_at_another_rate(robot: Robot, fps: float):
+    """q and -q are one rotation: a spline through both would pass through none."""
+    clip = wandering(robot, seconds=2.0, fps=fps)
+    flipped = clip.root_quat_w * np.where(np.arange(clip.frame_count) % 3 == 0, -1.0, 1.0)[:, None]
+    found = at_database_rate(dataclasses.replace(clip, root_quat_w=flipped))
+    fine = wandering(robot, seconds=2.0, fps=50.0)
+    count = min(found.frame_count, fine.frame_count)
+    inner = slice(3, count - 3)
+    assert found.fps == 50.0 and count > 90
+    assert rotation.angle_between(found.root_quat_w[inner], fine.root_quat_w[inner]).max() < 1e-4

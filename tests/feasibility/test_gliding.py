@@ -56,6 +56,21 @@ def test_feet_that_slide_too_fast_to_stand_are_found_said_and_blamed(robot: Robo
     assert not found.bad[57:].any()
 
 
+@pytest.mark.parametrize("side", ["Left", "Right"])
+def test_a_robot_that_slides_on_one_foot_glides(robot: Robot, limits: FeasibilitySettings, side: str):
+    """The other foot is held up by a bent leg, high over the ground."""
+    clip = _unlabelled(robot)
+    joints = clip.joint_pos.copy()
+    joints[:, robot.joint(f"{side}_Hip_Pitch")] -= 0.6
+    joints[:, robot.joint(f"{side}_Knee_Pitch")] += 0.9
+    bent = dataclasses.replace(clip, joint_pos=joints)
+    frames = np.arange(clip.frame_count)
+    motion = motion_of(_carried(bent, np.where((frames >= 40) & (frames < 55), 1.2, 0.0)), robot, limits)
+    assert np.sort(motion.sole.height.mean(axis=0))[1] > 0.05
+    found = _verdict(motion, limits)
+    assert found.value == pytest.approx(0.3, abs=0.041) and not found.holds
+
+
 @pytest.mark.parametrize("height", [0.005, 0.02, 0.1])
 def test_a_hop_is_not_one(robot: Robot, limits: FeasibilitySettings, height: float):
     """Up and down again as a stone flies, from and to feet that stand."""

@@ -20,16 +20,17 @@ def limits(root: Path) -> FeasibilitySettings:
     return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
-def test_a_sway_has_the_derivatives_of_its_sine(robot: Robot, limits: FeasibilitySettings):
-    """y = A sin(wt), roll = B sin(wt): the largest speeds are A w and B w, the acceleration A w², the mean size of the
-    jerk 2 A w³ / pi."""
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_sway_has_the_derivatives_of_its_sine(robot: Robot, limits: FeasibilitySettings, axis: int):
+    """A sin(wt) along an axis, B sin(wt) about the one before it: the largest speeds are A w and B w, the acceleration
+    A w², the mean size of the jerk 2 A w³ / pi."""
     clip, omega = standing(robot, 8.0), 2.0 * np.pi * 0.5
     wave = np.sin(omega * np.arange(clip.frame_count) / clip.fps)
-    roll = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.2 * wave)
+    turn = rotation.from_axis_angle(np.eye(3)[axis - 1], 0.2 * wave)
     swaying = dataclasses.replace(
         clip,
-        root_pos_w=clip.root_pos_w + 0.1 * wave[:, None] * [0.0, 1.0, 0.0],
-        root_quat_w=rotation.multiply(roll, clip.root_quat_w),
+        root_pos_w=clip.root_pos_w + 0.1 * wave[:, None] * np.eye(3)[axis],
+        root_quat_w=rotation.multiply(turn, clip.root_quat_w),
     )
     motion = motion_of(swaying, robot, limits)
     found = [each.value for each in (*root_speeds(motion, limits.root), *root_jerk(motion, limits.root))]

@@ -4,6 +4,7 @@ import dataclasses
 import logging
 from functools import partial
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -28,7 +29,7 @@ from pipeline.repair import RepairSettings
 from pipeline.repair import process as repair
 from pipeline.retarget import RetargetSettings
 from pipeline.retarget.process import onto_robot
-from pipeline.robot import Robot
+from pipeline.robot import Robot, mujoco_model
 from pipeline.simulation.record import Rollout
 from tests.factories.robot_clips import standing
 from tests.factories.tracked_motion import tracked, waving
@@ -123,6 +124,21 @@ def test_the_error_of_a_hand_is_the_arc_it_is_turned_by(robot, reference):
         _off(reference, robot, "Left_Shoulder_Pitch", np.full(reference.frame_count, 0.02)), reference, robot
     )
     np.testing.assert_allclose(twice.body, 2.0 * error.body, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("joint", "site"), [("Left_Shoulder_Roll", 0), ("Right_Hip_Pitch", 3)])
+def test_a_hand_or_sole_that_is_raised_is_off_by_the_height_that_mujoco_gives(robot, reference, joint, site):
+    raised = _off(reference, robot, joint, np.full(reference.frame_count, -0.8))
+    error, model = tracking_error(raised, reference, robot), mujoco_model(robot)
+    data, name = mujoco.MjData(model), (*robot.hands, *robot.feet)[site]
+    for frame in (0, 100, 250):
+        height = []
+        for clip in (raised, reference):
+            data.qpos[:] = [*clip.root_pos_w[frame], *clip.root_quat_w[frame], *clip.joint_pos[frame]]
+            mujoco.mj_kinematics(model, data)
+            height.append(data.site(name).xpos[2])
+        assert abs(height[0] - height[1]) > 0.01
+        assert error.end_height[frame] == pytest.approx(abs(height[0] - height[1]), abs=1e-9)
 
 
 def test_windows_lie_inside_the_clip():
