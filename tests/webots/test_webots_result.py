@@ -99,6 +99,28 @@ def test_every_reason_is_said(short_walk: WebotsSettings):
     )
 
 
+@pytest.mark.parametrize(
+    ("command", "reached", "off"),
+    [
+        ((0.0, 0.0, 0.5), (0.0, 0.0, -0.5), "turns -0.50 rad/s for 0.5, off by 1.000"),
+        ((0.0, 0.0, -0.5), (0.0, 0.0, 0.5), "turns 0.50 rad/s for -0.5, off by 1.000"),
+        ((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), "turns 0.00 rad/s for 0.5, off by 0.500"),
+        ((0.3, 0.0, 0.0), (-0.3, 0.0, 0.0), "walks -0.30, 0.00 m/s for 0.3, 0, off by 0.600"),
+        ((0.0, 0.4, 0.0), (0.0, -0.4, 0.0), "walks 0.00, -0.40 m/s for 0, 0.4, off by 0.800"),
+        ((0.0, -0.4, 0.5), (0.0, -0.4, 0.5), ""),
+    ],
+)
+def test_walking_or_turning_the_other_way_is_twice_the_command_off(
+    short_walk: WebotsSettings, command: tuple[float, ...], reached: tuple[float, ...], off: str
+):
+    first, *others = short_walk.segments
+    asked = dataclasses.replace(short_walk, segments=(dataclasses.replace(first, command=command), *others))
+    result = a_result()
+    result["segments"][0] |= dict(zip(("forward_m_s", "lateral_m_s", "yaw_rate_rad_s"), reached, strict=True))
+    reasons = judged(asked, result).reasons
+    assert reasons == ((f"segment 'first': {off}, allowed is 0.05",) if off else ())
+
+
 def test_a_segment_without_bars_is_not_required_and_of_none_nothing_passes(short_walk: WebotsSettings):
     result = a_result()
     result["segments"][1] |= {"forward_m_s": 0.9}
