@@ -130,22 +130,21 @@ def link_of(
 
 
 def corner_points(shape: MakerShape) -> Float[np.ndarray, "n 3"]:
-    """Points that span a shape, in the link frame [m]: vertices, corners of boxes, extremes of round shapes."""
+    """Points that span a shape, in the link frame [m]: vertices, corners of boxes, and of round shapes the extremes of
+    each end along the axes of the link."""
     if shape.points is not None:
         return shape.points
     if shape.kind == "box":
         local = np.array(np.meshgrid(*([-half, half] for half in shape.size))).reshape(3, -1).T
-    else:
-        radius = shape.size[0]
-        half = shape.size[1] if len(shape.size) > 1 else 0.0
-        along = half + (radius if shape.kind == "capsule" else 0.0)
-        if shape.kind == "sphere":
-            along = radius
-        local = np.vstack([np.diag([radius, radius, along]), -np.diag([radius, radius, along])])
-        if shape.kind == "cylinder":
-            ring = np.array([[radius, 0.0], [-radius, 0.0], [0.0, radius], [0.0, -radius]])
-            local = np.vstack([np.column_stack([ring, np.full(4, end)]) for end in (-half, half)])
-    return shape.pos + rotation.rotate(shape.quat, local)
+        return shape.pos + rotation.rotate(shape.quat, local)
+    axis = rotation.rotate(shape.quat, np.array([0.0, 0.0, 1.0]))
+    half = shape.size[1] if len(shape.size) > 1 else 0.0
+    around = np.eye(3)
+    if shape.kind == "cylinder":  # the rims, which are square to the axis
+        around -= np.outer(axis, axis)
+        around /= np.maximum(np.linalg.norm(around, axis=1, keepdims=True), ZERO)
+    ends = (shape.pos - half * axis, shape.pos + half * axis)
+    return np.vstack([end + side * shape.size[0] * around for end in ends for side in (1.0, -1.0)])
 
 
 DIGITS = 10

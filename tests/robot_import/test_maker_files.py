@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from pipeline import rotation
 from pipeline.errors import FileError
+from pipeline.robot_import.maker_model import MakerShape, corner_points
 from pipeline.robot_import.propose import propose
 from pipeline.robot_import.read import read_model
 from pipeline.robot_import.stated import read_stated
@@ -41,6 +43,34 @@ def test_a_mesh_becomes_a_capsule_and_a_foots_mesh_a_box(tmp_path: Path):
     assert corners["left_sole_front_left"] == pytest.approx((0.13, 0.04, -0.05))
     assert corners["right_hand"] == pytest.approx((0.0, -0.2, 0.0))
     assert any("left_foot_link" in text and "primitives stand for the meshes" in text for text in proposal.to_state)
+
+
+def test_a_foot_of_lying_capsules_has_a_sole_as_long_as_they_are(tmp_path: Path):
+    """The feet of the Unitree G1 and H1."""
+    root = t1_mjcf()
+    for side in ("left", "right"):
+        foot = next(each for each in root.iter("body") if each.get("name") == f"{side}_foot_link")
+        for child in [each for each in foot if each.tag in ("geom", "site")]:
+            foot.remove(child)
+        for y, x_max in ((-0.02, 0.12), (0.02, 0.12), (0.0, 0.13)):
+            Xml.SubElement(foot, "geom", type="capsule", size="0.01", fromto=f"-0.05 {y} -0.02 {x_max} {y} -0.02")
+    rows = propose(read_model(write(tmp_path / "t1.xml", root)), "t1").description.sites
+    sites = {row.site: (row.x, row.y, row.z) for row in rows}
+    assert sites["left_sole_front_left"] == pytest.approx((0.13, 0.02, -0.03))
+    assert sites["right_sole_rear_right"] == pytest.approx((-0.05, -0.02, -0.03))
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder"])
+def test_points_of_a_round_shape_reach_as_far_as_it_does(kind: str):
+    """Against the support function of a turned shape along each axis of the link."""
+    pos, quat = np.array([0.1, -0.2, 0.3]), rotation.from_rotvec(np.array([0.7, -0.4, 1.1]))
+    size = (0.05,) if kind == "sphere" else (0.05, 0.2)
+    shape = MakerShape(name="", link="", kind=kind, collides=True, shown=True, pos=pos, quat=quat, size=size)
+    along = np.abs(rotation.rotate(quat, np.array([0.0, 0.0, 1.0])))
+    reach = 0.05 * (np.sqrt(1.0 - along**2) if kind == "cylinder" else np.ones(3)) + (0.2 * along if size[1:] else 0.0)
+    points = corner_points(shape)
+    np.testing.assert_allclose(points.max(axis=0), pos + reach, atol=1e-12)
+    np.testing.assert_allclose(points.min(axis=0), pos - reach, atol=1e-12)
 
 
 def test_a_mesh_that_is_only_shown_gives_a_bare_link_a_shape(tmp_path: Path):
