@@ -17,6 +17,8 @@ NO_FALL = "no knee: the sweep ends before the fall"
 
 def reasons_against(measurement: Measurement, fit: KneeFit, settings: KneeSettings) -> tuple[str, ...]:
     """Reasons to refuse the knee of a sweep; empty if it is accepted."""
+    if not fit.knee_torque.value > 0.0:
+        return (f"the torque at the knee would be {fit.knee_torque.value:.2f} N m",)
     no_fall = _no_fall(measurement, fit, settings)
     return (*no_fall, *_uncertain(fit, settings), *_directions(measurement, settings))
 
@@ -47,9 +49,7 @@ def _uncertain(fit: KneeFit, settings: KneeSettings) -> list[str]:
     if knee.width > settings.interval:
         place = f"{knee.low:.2f} to {knee.high:.2f} rad/s, {100 * knee.width:.0f} % of it"
         against.append(f"the knee may lie at {place}; at most {100 * settings.interval:.0f} % are allowed")
-    if fit.knee_torque.value <= 0.0:
-        against.append(f"the torque at the knee would be {fit.knee_torque.value:.2f} N m")
-    elif fit.no_load_speed <= settings.no_load_ratio * knee.value:
+    if fit.no_load_speed <= settings.no_load_ratio * knee.value:
         end = f"less than {settings.no_load_ratio:g} times the knee's {knee.value:.2f}"
         problem = "the DC-motor form has no finite saturation torque"
         against.append(f"the torque ends at {fit.no_load_speed:.2f} rad/s, {end}: {problem}")

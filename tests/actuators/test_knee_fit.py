@@ -99,6 +99,15 @@ def test_constant_straight_and_rising_curves_have_no_knee(torque: np.ndarray):
     assert not calibrate(written(np.linspace(0.0, 15.0, 40), torque), "knee.csv", MOTOR, SETTINGS).accepted
 
 
+@pytest.mark.parametrize("points_on", [0, 1, 12])
+def test_a_torque_column_of_zeros_is_refused(points_on: int):
+    """A current sensor that is not connected, or answers now and then."""
+    speed = np.linspace(0.0, 20.0, 100)
+    torque = np.where(np.arange(100) % 8 == 1, 60.0, 0.0) * (np.arange(100) < 8 * points_on)
+    found = calibrate(written(speed, torque), "knee.csv", MOTOR, SETTINGS)
+    assert found.verdict == "refused: the torque at the knee would be 0.00 N m"
+
+
 def test_few_points_are_refused():
     speed, torque = points()
     found = calibrate(written(speed[[3, 30]], torque[[3, 30]]), "knee.csv", MOTOR, SETTINGS)
