@@ -34,7 +34,7 @@ def database(args: Database) -> int:
         print(f"It stays until the next run, as `{_making(args.robot)}`, writes that of the present sources again.")
         return 0
     if args.action == "summary":
-        print(summary(folder, args.robot))
+        print(summary(folder, args.robot, (project.robot_folder(args.robot) / "policies" / "walk").is_dir()))
         return 0
     rows = [[each.name, each.clips, each.seconds] for each in versions(folder)]
     if [name for name, *_ in rows[:1]] != ["current"]:
@@ -44,7 +44,7 @@ def database(args: Database) -> int:
     return 0
 
 
-def summary(folder: Path, robot: str) -> str:
+def summary(folder: Path, robot: str, ships_policy: bool) -> str:
     """What the database in place holds: clips, seconds, skills, where, and what to do next. Raises PipelineError."""
     if not (folder / manifest.FILE).is_file():
         raise PipelineError(f"there is no database of '{robot}' yet; make it with: {_making(robot)}")
@@ -55,9 +55,10 @@ def summary(folder: Path, robot: str) -> str:
     steps = {
         f"booster-lab curate{option}": "watch, accept and exclude clips in the browser",
         "dagster dev": "the graph and each stage's report: http://localhost:3000",
-        f"booster-lab play robots/{robot}/policies/walk{option}": "command the shipped policy",
-        "docs/sources.md": "bring your own recordings",
     }
+    if ships_policy:
+        steps[f"booster-lab play robots/{robot}/policies/walk{option}"] = "command the shipped policy"
+    steps["docs/sources.md"] = "bring your own recordings"
     return (
         f"\nThe expert database of the {robot} has {version.clips} clips, {version.seconds:.0f} s.\n"
         f"  skills   {skills}\n"

@@ -1,6 +1,7 @@
 """Versions of a database: kept, compared, put aside when too much is lost, and brought back."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -171,6 +172,15 @@ def test_a_summary_ends_in_the_commands_of_its_robot(project: Path, capsys, name
     commands = [line.strip().split("  ")[0] for line in capsys.readouterr().out.splitlines()[-4:]]
     assert commands[0] == f"booster-lab curate{option}"
     assert commands[2] == f"booster-lab play robots/{name}/policies/walk{option}"
+
+
+def test_a_summary_of_a_robot_without_a_policy_names_none(root: Path, project: Path, capsys):
+    """A robot that was just added."""
+    (project / "robots").unlink()
+    shutil.copytree(root / "robots/k1", project / "robots/k1", ignore=shutil.ignore_patterns("policies"))
+    write(project / "data/expert_db/k1", load_robot("k1"), 2)
+    assert main(["database", "summary", "--robot", "k1"]) == 0
+    assert "booster-lab play" not in capsys.readouterr().out
 
 
 def test_the_command_lists_and_restores(robot: Robot, project: Path, capsys):
