@@ -36,6 +36,9 @@ def read_robot_csv(path: Path) -> RobotMotion:
     top, line = next(filled, (1, ""))
     cells = [cell.strip() for cell in line.split(",")]
     header = None if _is_number(cells[0]) else cells
+    for name in header or ():
+        if cells.count(name) > 1:
+            raise FileError(path, f"the header has the column '{name}' twice.", "Remove or rename one.", top)
     first = (top, line) if header is None else next(filled, None)
     if first is None:
         raise FileError(path, "the file has no frames.")

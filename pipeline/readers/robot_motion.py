@@ -118,8 +118,14 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Rob
         return fitting[0], list(range(count))
     for robot in robots():
         own = robot.own_names(names)
-        if set(robot.joint_names) == set(own) and len(own) == count:
-            return robot, [own.index(joint) for joint in robot.joint_names]
+        if set(robot.joint_names) != set(own):
+            continue
+        twice = [name for name in robot.joint_names if own.count(name) > 1]
+        if twice:
+            raise FileError(path, f"joint '{twice[0]}' of {robot.name} is named twice.", "Leave each joint once.")
+        if len(own) != count:
+            raise FileError(path, f"it names {len(own)} joints, and a frame has {count}.")
+        return robot, [own.index(joint) for joint in robot.joint_names]
     alike = [(len(set(robot.joint_names) & set(robot.own_names(names))), robot) for robot in robots()]
     nearest = max(alike, key=lambda pair: pair[0])[1]
     names = nearest.own_names(names)

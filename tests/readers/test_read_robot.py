@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers import read_motion
-from tests.factories.robot_files import FRAMES, HEADER, amp_robot, assert_truth, csv_rows, npz, truth, write_csv
+from tests.factories.robot_files import FRAMES, HEADER, ROBOT, amp_robot, assert_truth, csv_rows, npz, truth, write_csv
 
 
 def test_our_own_csv_is_read(tmp_path):
@@ -56,6 +56,14 @@ def test_a_fault_of_the_header_has_the_line_of_the_header(tmp_path, header):
         (
             lambda rows, header: (np.delete(rows, 3, axis=1), ["x", "y", "z", "qy", "qz", "qw", *header[7:]]),
             "no column quat_w",
+        ),
+        (
+            lambda rows, header: (np.c_[rows, rows[:, 8]], [*header, header[8]]),
+            r"line 2: the header has the column 'Head_pitch' twice",
+        ),
+        (
+            lambda rows, header: (np.c_[rows, rows[:, 0], rows[:, 0]], [*header, "time_s", "time_s"]),
+            "the header has the column 'time_s' twice",
         ),
         (lambda rows, header: (rows[:0], header), "no frames"),
         (lambda rows, header: (rows[:1], header), "1 frame"),
@@ -126,6 +134,12 @@ def test_joints_in_another_order_than_their_bodies_show_are_refused(tmp_path):
         ({"body_pos_w": None}, FileError, "there is no root"),
         ({"body_names": np.array(["thing"] * 24)}, FileError, "no body is a robot's root link"),
         ({"joint_names": np.arange(23)}, FileError, "'joint_names' is not a list of names"),
+        (
+            {"joint_pos": np.zeros((FRAMES, 24)), "joint_names": np.array([*ROBOT.joint_names, ROBOT.joint_names[3]])},
+            FileError,
+            f"joint '{ROBOT.joint_names[3]}' of t1 is named twice",
+        ),
+        ({"joint_pos": np.zeros((FRAMES, 24))}, FileError, "it names 23 joints, and a frame has 24"),
         (
             {"joint_names": None, "joint_pos": np.zeros((FRAMES, 12))},
             FileError,
