@@ -15,12 +15,14 @@ import numpy as np
 from pipeline.errors import FileError
 from pipeline.readers.robot_motion import RobotMotion
 from pipeline.readers.text_file import open_text, read_table, to_float
-from pipeline.readers.velocity_rate import STATE_RATE
+from pipeline.readers.velocity_rate import STANDARD_HZ, STATE_RATE
 
 ROOT = 7
 """Columns of the root, the first ones where the file has no header."""
 POSITION = ("root_x", "root_y", "root_z")
 QUATERNION = ("quat_w", "quat_x", "quat_y", "quat_z")
+TIME = "time_s"
+"""Column of times, from the first frame on or since 1970."""
 MOST_COMMENTS = 1000
 """Lines of comments that are searched for the rate."""
 MAX_RATE_ERROR = 0.02
@@ -45,14 +47,16 @@ def read_robot_csv(path: Path) -> RobotMotion:
     width = len(cells)
     if width <= ROOT:
         raise FileError(path, f"a row has {width} columns, wanted root xyz, quaternion xyzw and the joints.", line=top)
-    values = read_table(path, itertools.chain([first], lines), text.line_count, width, comma=True)
+    time = header.index(TIME) if header is not None and TIME in header else None
+    rows = itertools.chain([first], lines)
+    values = read_table(path, rows, text.line_count, width, comma=True, any_size=time)
     rates = (re.fullmatch(r"\s*#\s*fps\s*[:=]\s*([0-9.eE+-]+)\s*", comment) for comment in comments)
     fps = next((float(rate.group(1)) for rate in rates if rate and _is_number(rate.group(1))), None)
     rate_fault = None
-    if header is not None and "time_s" in header:
-        fps, rate_fault = _rate(path, values[:, header.index("time_s")], fps)
-        values = np.delete(values, header.index("time_s"), axis=1)
-        header = [name for name in header if name != "time_s"]
+    if header is not None and time is not None:
+        fps, rate_fault = _rate(path, values[:, time], fps)
+        values = np.delete(values, time, axis=1)
+        header = [name for name in header if name != TIME]
     root = list(range(ROOT)) if header is None else _root_columns(path, header, top)
     joints = [column for column in range(values.shape[1]) if column not in root]
     return RobotMotion(
@@ -88,15 +92,42 @@ def _is_number(cell: str) -> bool:
 
 def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> tuple[float | None, FileError | None]:
     """The rate [Hz] of a comment, or that of the times, which have to agree; or why there is none."""
-    step_s = np.diff(time_s)
-    uneven = not len(step_s) or not np.isfinite(step_s).all() or np.ptp(step_s) > 0.02 * np.median(step_s)
-    if uneven or np.median(step_s) <= 0.0:
-        return None, FileError(path, "the times in 'time_s' do not increase in even steps.", STATE_RATE)
-    timed = float(1.0 / np.mean(step_s))
+    timed = _timed_rate(time_s)
+    if timed is None:
+        return None, FileError(path, f"the times in '{TIME}' do not increase in even steps.", STATE_RATE)
     if commented is not None and abs(commented - timed) > MAX_RATE_ERROR * timed:
         problem = f"its comment states {commented:g} Hz, and its times 'time_s' are {timed:g} Hz apart."
         return None, FileError(path, problem, f"Remove or correct one of them. {STATE_RATE}")
     return commented or timed, None
+
+
+def _timed_rate(time_s: np.ndarray) -> float | None:
+    """The rate [Hz] of times in even steps, without the rounding of printed times; None where steps are uneven."""
+    step_s = np.diff(time_s)
+    if not len(step_s) or not np.isfinite(step_s).all() or step_s.min() <= 0.0:
+        return None
+    duration_s, mean_s = float(time_s[-1] - time_s[0]), float(np.mean(step_s))
+    if np.ptp(step_s) <= MAX_UNEVEN * np.median(step_s):
+        return 1.0 / mean_s
+    digit_s = next((unit for unit in PRINTED_S if _are_multiples(time_s, unit)), None)
+    if digit_s is None or digit_s > 0.5 * mean_s:
+        return None
+    away_s = np.abs(time_s - (time_s[0] + mean_s * np.arange(len(time_s))))
+    if max(away_s.max(), np.abs(step_s - mean_s).max()) > 1.01 * digit_s:
+        return None
+    usual = [rate for rate in STANDARD_HZ if abs(rate * mean_s - 1.0) <= digit_s / duration_s]
+    return float(usual[0]) if len(usual) == 1 else 1.0 / mean_s
+
+
+MAX_UNEVEN = 0.02
+"""Largest difference of two steps of time, as a share of a step."""
+PRINTED_S = (0.1, 0.01, 0.001, 0.0001)
+"""Last digit of times that are printed rounded [s]."""
+
+
+def _are_multiples(time_s: np.ndarray, unit: float) -> bool:
+    digits = time_s / unit
+    return bool(np.abs(digits - np.round(digits)).max() < 0.01)
 
 
 def _root_columns(path: Path, header: list[str], line: int) -> list[int]:

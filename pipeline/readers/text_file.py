@@ -68,12 +68,18 @@ def read_number(path: Path, token: str, line: int, what: str) -> float:
 
 
 def read_table(
-    path: Path, lines: Iterator[tuple[int, str]], most_lines: int, columns: int, comma: bool = False
+    path: Path,
+    lines: Iterator[tuple[int, str]],
+    most_lines: int,
+    columns: int,
+    comma: bool = False,
+    any_size: int | None = None,
 ) -> Float[np.ndarray, "t columns"]:
     """Rows of `columns` numbers each between blanks or commas, in memory that `page_memory.forget` frees.
 
     `lines` come with their numbers, at most `most_lines`. Blank ones are skipped; `nan`, `inf` and huge numbers become
-    NaN. Raises FileError with the line for a row that is too short or too long and for what is not a number.
+    NaN, but for those of the column `any_size`. Raises FileError with the line for a row that is too short or too long
+    and for what is not a number.
     """
     by_size = path.stat().st_size // (2 * columns) + 1  # a number takes two bytes
     rows = page_memory.empty((min(most_lines, by_size, MAX_FRAMES + 1, MAX_NUMBERS // columns + 1), columns))
@@ -84,6 +90,8 @@ def read_table(
             part = _rows_word_by_word(path, block, number, columns, last, comma)
         check_numbers(path, count + len(part), columns)
         rows[count : count + len(part)] = known_numbers(part)
+        if any_size is not None:
+            rows[count : count + len(part), any_size] = part[:, any_size]
         count, number = count + len(part), number + len(block)
     return rows[:count]
 

@@ -143,6 +143,30 @@ def test_times_that_do_not_increase_are_refused_unless_the_rate_is_stated(tmp_pa
     assert read_motion(path, "clip", Statement(fps=50.0)).clip.fps == 50.0
 
 
+@pytest.mark.parametrize("start_s", [0.0, 1.7e9])
+@pytest.mark.parametrize("fps", [30.0, 50.0, 60.0, 120.0, 59.94])
+def test_times_in_whole_milliseconds_or_since_1970_state_the_rate(tmp_path, start_s, fps):
+    times = start_s + np.round(np.arange(FRAMES) / fps, 3)
+    path = write_csv(tmp_path / "a.csv", np.column_stack([times, csv_rows()]), ["time_s", *HEADER])
+    assert read_motion(path, "clip").clip.fps == pytest.approx(fps, rel=0.0 if fps != 59.94 else 2e-3)
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+@pytest.mark.parametrize("lost", [1, 20, FRAMES - 2])
+def test_a_lost_frame_shows_in_rounded_times(tmp_path, digits, lost):
+    rows = np.column_stack([np.round(np.arange(FRAMES) / 30.0, digits), csv_rows()])
+    path = write_csv(tmp_path / "a.csv", np.delete(rows, lost, axis=0), ["time_s", *HEADER])
+    with pytest.raises(FileError, match="do not increase in even steps"):
+        read_motion(path, "clip")
+
+
+def test_a_rate_that_changes_on_the_way_shows_in_rounded_times(tmp_path):
+    steps = np.where(np.arange(FRAMES) < FRAMES // 2, 0.016, 0.017)
+    path = write_csv(tmp_path / "a.csv", np.column_stack([np.cumsum(steps), csv_rows()]), ["time_s", *HEADER])
+    with pytest.raises(FileError, match="do not increase in even steps"):
+        read_motion(path, "clip")
+
+
 def test_joints_in_asaps_shape_are_as_many_as_the_roots_frames(tmp_path):
     joints = truth()[2][:, :, None]
     path = gmr_npz(tmp_path / "a.npz", dof_pos=joints)
