@@ -28,8 +28,10 @@ class RobotBody:
     sole: Sole
     limb_axes_b: Float[np.ndarray, "8 3"]
     """Unit vector along each of `LIMBS` in the frame of the link that turns with it."""
-    waist: int
-    """Index of the joint between trunk and pelvis; it turns about z."""
+    waist: int | None
+    """Index of the controlled joint between trunk and pelvis that turns about z; None where there is none."""
+    waist_sign: float
+    """With +1 a larger angle of it turns the pelvis to the left of the trunk, with -1 to the right."""
 
 
 def measure(robot: Robot) -> RobotBody:
@@ -52,6 +54,7 @@ def measure(robot: Robot) -> RobotBody:
     hips = [bone[0] for bone in bones]
     pelvis_pos_w = poses.pos_w[0, robot.link(human["pelvis"])]
     corners_b = np.array([site(name) for name in robot.sole_corners[0]]) - bones[0][2]
+    waist, waist_sign = _waist(robot)
     return RobotBody(
         leg=float(np.mean([np.linalg.norm(np.diff(bone, axis=0), axis=-1).sum() for bone in bones])),
         hip_half_width=float(np.linalg.norm(hips[0] - hips[1])) / 2.0,
@@ -64,14 +67,33 @@ def measure(robot: Robot) -> RobotBody:
             half_width=float(np.ptp(corners_b[:, 1])) / 2.0,
         ),
         limb_axes_b=np.array(axes),
-        waist=_waist(robot),
+        waist=waist,
+        waist_sign=waist_sign,
     )
 
 
-def _waist(robot: Robot) -> int:
-    """The joint by which the pelvis link hangs on the trunk link."""
-    pelvis = robot.link(robot.human["pelvis"])
-    return int(robot.tree.joint[pelvis])
+def _waist(robot: Robot) -> tuple[int | None, float]:
+    """The controlled joint between trunk and pelvis link that turns about z, and in which sense it turns the pelvis.
+
+    The pelvis may hang on the trunk (T1), the trunk may stand on the pelvis (Unitree G1), or both are one link (K1).
+    """
+    axes = robot.tree.joint_axes_root()
+    above = {part: _joints_above(robot, robot.human[part]) for part in ("pelvis", "trunk")}
+    for part, other, sense in (("pelvis", "trunk", 1.0), ("trunk", "pelvis", -1.0)):
+        for joint in above[part]:
+            turns = joint not in above[other] and abs(axes[joint][2]) > 0.9
+            if turns and robot.joint_names[joint] in robot.controlled:
+                return joint, sense * float(np.sign(axes[joint][2]))
+    return None, 1.0
+
+
+def _joints_above(robot: Robot, link: str) -> list[int]:
+    """The joints from a link up to the root link."""
+    joints, at = [], robot.link(link)
+    while robot.tree.parent[at] >= 0:
+        joints.append(int(robot.tree.joint[at]))
+        at = int(robot.tree.parent[at])
+    return joints
 
 
 def _adduction(robot: Robot, side: int) -> float:

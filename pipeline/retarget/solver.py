@@ -218,7 +218,8 @@ class _Feed:
 
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"], weights: WeightSettings):
         self._solver = solver
-        self._names, self._waist_name = solver.robot.controlled, solver.robot.joint_names[solver.body.waist]
+        self._names, waist = solver.robot.controlled, solver.body.waist
+        self._waist_name = None if waist is None else solver.robot.joint_names[waist]
         posture = posture[:, solver._joints]
         self._posture = None if (posture == posture[0]).all() else posture
         parts = (targets.pelvis_pos_w, *solver.matrices_of(targets), targets.foot_pos_w, targets.limb_dir_w)
@@ -232,7 +233,7 @@ class _Feed:
             zip(solver._foot_position, solver._foot_height, feet, solver._foot_orientation, soles, strict=True)
         )
         self._limbs = list(zip(solver._limbs, limbs, strict=True))
-        self._waist: list[float] = targets.waist_pos.tolist()
+        self._waist: list[float] = (solver.body.waist_sign * targets.waist_pos).tolist()
         if self._posture is None:
             solver._posture.set_joints(dict(zip(self._names, posture[0].tolist(), strict=True)))
         columns = [*_weights_of_pelvis(targets, weights), *_weights_of_foot(targets, 0, weights)]
@@ -244,7 +245,8 @@ class _Feed:
         solver, self._row[:] = self._solver, self._rows[frame]
         solver._pelvis_horizontal.target_world = solver._pelvis_height.target_world = self._pelvis
         solver._trunk.R_world_frame = self._trunk
-        solver._waist.set_joint(self._waist_name, self._waist[frame])
+        if self._waist_name is not None:
+            solver._waist.set_joint(self._waist_name, self._waist[frame])
         if self._posture is not None:
             for _ in map(solver._posture.set_joint, self._names, self._posture[frame].tolist()):
                 pass

@@ -99,7 +99,7 @@ class Targets:
     """How firmly the pelvis is held to a smoothed path: 0 not at all, 1 firmly."""
     trunk_quat_w: Float[np.ndarray, "t 4"]
     waist_pos: Float[np.ndarray, " t"]
-    """Angle of the waist joint [rad]."""
+    """Angle about the trunk's z by which the pelvis is to be turned to the left against the trunk [rad]."""
     limb_dir_w: Float[np.ndarray, "t 8 3"]
     """Unit directions of `LIMBS`."""
     leg_ratio: float
@@ -123,7 +123,8 @@ def plan_targets(
     heading = np.unwrap(np.arctan2(-lateral_w[:, 0], lateral_w[:, 1]))
     widening_w = lateral_w[:, :2] * (body.hip_half_width - ratio * person.hip_half_width)
     trunk_quat_w, lean_taken_off = limited_lean(clip.quat("chest"), clip.quat("pelvis"), settings.trunk)
-    waist_pos = waist_angle(trunk_quat_w, heading)
+    turns = body.waist is not None
+    waist_pos = waist_angle(trunk_quat_w, heading) if turns else np.zeros(clip.frame_count)
 
     def centre_of(clip: HumanClip) -> Float[np.ndarray, "t 3"]:
         return ratio * (clip.both("hip").mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [

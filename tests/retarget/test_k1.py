@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,14 @@ import pytest
 
 from pipeline.cli.chain import Chain
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.files import settings as settings_file
 from pipeline.project import Project
 from pipeline.readers import Statement
+from pipeline.retarget import RetargetSettings, process
+from pipeline.retarget.robot_body import measure
 from pipeline.robot import Robot, load_robot
+from tests.factories.human_clips import walker
+from tests.factories.retarget_clips import mirrored
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +52,26 @@ def test_shipped_motions_hold_the_bars(root: Path, k1: Robot, name: str):
     assert numbers["slip_strict_m_s"] <= 0.012
     assert numbers["penetration_m"] <= 0.015
     assert numbers["limb_error_deg"] <= 3.0
+
+
+def test_mirrored_people_give_mirrored_robots_without_a_waist(root: Path, k1: Robot):
+    """The angle of a waist was the target of the last joint, the right ankle's roll."""
+    read = settings_file.read(root / "data/retarget.yaml", RetargetSettings)
+    human = walker(seconds=4.0)
+    first, second = (
+        process(clip, {}, settings=read, robot=k1).pieces[0].clip.joint_pos for clip in (human, mirrored(human))
+    )
+    assert np.abs(second - k1.mirror_sign * first[:, k1.mirror_index]).max() < 0.02
+
+
+def test_the_waist_is_the_joint_that_turns_pelvis_against_trunk(k1: Robot):
+    t1 = load_robot("t1")
+    assert measure(k1).waist is None
+    assert (measure(t1).waist, measure(t1).waist_sign) == (t1.joint("Waist"), 1.0)
+    on_pelvis = dataclasses.replace(t1, human={**t1.human, "pelvis": "Trunk", "trunk": "Waist"})
+    assert (measure(on_pelvis).waist, measure(on_pelvis).waist_sign) == (t1.joint("Waist"), -1.0)
+    rigid = dataclasses.replace(t1, controlled=tuple(name for name in t1.controlled if name != "Waist"))
+    assert measure(rigid).waist is None
 
 
 @pytest.mark.shared
