@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from pipeline import rotation
 from pipeline.robot.description import SIDES
 from pipeline.robot.tables import SiteRow
 from pipeline.robot_import.limbs import BEND, Body, Limb
@@ -65,9 +66,23 @@ def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
         x, y = (ends[part] for part in corner.split("_"))
         places[f"{side}_sole_{corner}"] = (foot, np.array([x, y, bottom]), origin)
     places[f"{side}_ankle"] = (foot, np.zeros(3), "derived: origin of the last ankle joint")
-    places[f"{side}_hip"] = (model.links[leg[1]].name, np.zeros(3), "derived: origin of the second hip joint")
+    hip, which = (leg[2], "third") if _is_level(model, leg[2]) else (leg[1], "second")
+    places[f"{side}_hip"] = (model.links[hip].name, np.zeros(3), f"derived: origin of the {which} hip joint")
     places[f"{side}_knee"] = (model.links[leg[BEND]].name, np.zeros(3), "derived: origin of the knee joint")
     return places
+
+
+def _is_level(model: MakerModel, link: int) -> bool:
+    """Whether a link's joint turns it about a level axis, all joints at zero. A hip of yaw, roll and pitch (Unitree H1)
+    ends in its pitch joint, a hip of pitch, roll and yaw in its roll joint: the yaw's origin may be anywhere along the
+    thigh."""
+    joint = model.links[link].joint
+    assert joint is not None
+    return abs(float(rotation.rotate(model.origins()[1][link], joint.axis)[2])) < LEVEL
+
+
+LEVEL = 0.7
+"""Vertical part of a unit axis below which it is level."""
 
 
 def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], float]:

@@ -60,6 +60,19 @@ def test_a_foot_of_lying_capsules_has_a_sole_as_long_as_they_are(tmp_path: Path)
     assert sites["right_sole_rear_right"] == pytest.approx((-0.05, -0.02, -0.03))
 
 
+def test_the_hip_of_a_leg_that_begins_with_yaw_is_at_its_pitch_joint(tmp_path: Path):
+    """The Unitree H1's thigh begins 12 cm beside its roll joint."""
+    urdf = without_sites(t1_urdf())
+    for side in ("Left", "Right"):
+        first, third = (joint(urdf, f"{side}_Hip_{part}").find("axis") for part in ("Pitch", "Yaw"))
+        assert first is not None and third is not None
+        first.attrib["xyz"], third.attrib["xyz"] = third.attrib["xyz"], first.attrib["xyz"]
+    plain = read_model(write(tmp_path / "plain.urdf", without_sites(t1_urdf())))
+    for model, thigh in ((plain, "Hip_Roll_Left"), (read_model(write(tmp_path / "t1.urdf", urdf)), "Hip_Yaw_Left")):
+        hip = next(row for row in propose(model, "t1").description.sites if row.site == "left_hip")
+        assert hip.link == thigh
+
+
 @pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder"])
 def test_points_of_a_round_shape_reach_as_far_as_it_does(kind: str):
     """Against the support function of a turned shape along each axis of the link."""
