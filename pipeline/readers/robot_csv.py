@@ -2,7 +2,8 @@
 
 With a header (as `booster-lab retarget` writes) columns are found by name; without one (as booster_assets and the
 retargeted LAFAN1 set publish) the root is first, its quaternion xyzw (wxyz is inferred from the kinematics). The rate
-is stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml.
+is stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml. `# robot: k1` decides between robots
+with the same joints.
 """
 
 import itertools
@@ -50,6 +51,8 @@ def read_robot_csv(path: Path) -> RobotMotion:
     time = header.index(TIME) if header is not None and TIME in header else None
     rows = itertools.chain([first], lines)
     values = read_table(path, rows, text.line_count, width, comma=True, any_size=time)
+    stated = (re.fullmatch(r"\s*#\s*robot\s*[:=]\s*(\S+)\s*", comment) for comment in comments)
+    robot = next((found.group(1) for found in stated if found), "")
     rates = (re.fullmatch(r"\s*#\s*fps\s*[:=]\s*([0-9.eE+-]+)\s*", comment) for comment in comments)
     fps = next((float(rate.group(1)) for rate in rates if rate and _is_number(rate.group(1))), None)
     rate_fault = None
@@ -68,6 +71,7 @@ def read_robot_csv(path: Path) -> RobotMotion:
         order_is_certain=header is not None,
         joint_pos=values[:, joints],
         joint_names=tuple(header[column] for column in joints) if header is not None else None,
+        robot=robot,
         fps=fps,
         rate_fault=rate_fault,
     )

@@ -54,6 +54,7 @@ def read_robot_log(path: Path) -> RobotMotion:
         order_is_certain=True,
         joint_pos=joint_pos,
         joint_names=robot.joint_names,
+        robot=robot.name,
         fps=trial.rate_hz / step,
         notes=(
             Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s"),

@@ -52,6 +52,8 @@ class RobotMotion:
     """[rad]"""
     joint_names: tuple[str, ...] | None
     """Names of the columns of `joint_pos`; None where the file has none."""
+    robot: str = ""
+    """The robot that the file states, which decides between robots with the same joints; empty where it states none."""
     fps: float | None
     """As the file declares [Hz]."""
     rate_fault: FileError | None = None
@@ -78,7 +80,7 @@ def to_robot_clip(
     FileError, AmbiguousFileError for joints and quaternions whose order can't be inferred.
     """
     path = motion.path
-    robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names)
+    robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names, motion.robot)
     refuse_pose(path, len(motion.joint_pos))
     rate = frame_rate(path, fps, statement, motion.rate_fault)
     check_unit(path, motion.root_quat, "the root's quaternion")
@@ -99,11 +101,12 @@ def to_robot_clip(
     return robot.clip(name, rate, motion.root_pos_w, quat, motion.joint_pos[:, columns]), notes
 
 
-def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Robot, list[int]]:
+def robot_of(path: Path, count: int, names: tuple[str, ...] | None, stated: str = "") -> tuple[Robot, list[int]]:
     """The robot with so many joints, or with joints of these names in one of its namings, and where in the file each of
     its joints is.
 
-    Raises FileError for another robot's file, AmbiguousFileError where joints without names fit several robots.
+    Raises FileError for another robot's file, AmbiguousFileError where the joints fit several robots and the file does
+    not state one of them.
     """
     known = ", ".join(f"{robot.name} ({len(robot.joint_names)})" for robot in robots())
     if names is None:
@@ -111,15 +114,13 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Rob
         if not fitting:
             problem = f"it is of another robot: a frame has {count} joints without names; the robots here are {known}."
             raise FileError(path, problem, "A new robot is a folder in robots/ (docs/robot.md).")
-        if len(fitting) > 1:
-            found = ", ".join(robot.name for robot in fitting)
-            problem = f"{count} joints without names fit several robots: {found}."
-            raise AmbiguousFileError(path, problem, "Add the joints' names to the file.")
-        return fitting[0], list(range(count))
-    for robot in robots():
+        what, do = f"{count} joints without names", "Add the joints' names to the file."
+        return _stated_one(path, fitting, stated, what, do), list(range(count))
+    fitting = [robot for robot in robots() if set(robot.joint_names) == set(robot.own_names(names))]
+    if fitting:
+        do = "Write a line `# robot: NAME` above a CSV's header, or rename the joints of one of them."
+        robot = _stated_one(path, fitting, stated, "the names of its joints", do)
         own = robot.own_names(names)
-        if set(robot.joint_names) != set(own):
-            continue
         twice = [name for name in robot.joint_names if own.count(name) > 1]
         if twice:
             raise FileError(path, f"joint '{twice[0]}' of {robot.name} is named twice.", "Leave each joint once.")
@@ -136,6 +137,15 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Rob
         f"missing: {missing}; extra: {extra}."
     )
     raise FileError(path, problem)
+
+
+def _stated_one(path: Path, fitting: list[Robot], stated: str, what: str, do: str) -> Robot:
+    """The only robot, or the one that the file states. Raises AmbiguousFileError."""
+    for robot in fitting:
+        if len(fitting) == 1 or robot.name == stated:
+            return robot
+    found = ", ".join(robot.name for robot in fitting)
+    raise AmbiguousFileError(path, f"{what} fit several robots: {found}.", do)
 
 
 def _quaternion_order(

@@ -1,10 +1,12 @@
 """Robot trajectories as CSV and archives: columns and joints found by name; other robots and damage refused."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.readers import read_motion
+from pipeline.readers import read_motion, robot_motion
 from tests.factories.robot_files import FRAMES, HEADER, ROBOT, amp_robot, assert_truth, csv_rows, npz, truth, write_csv
 
 
@@ -177,6 +179,17 @@ def test_a_file_of_another_robot_says_so_first(tmp_path, joints, named):
     np.savez(tmp_path / "clip.npz", **arrays, body_names=np.array(["pelvis", "a", "b"]))
     with pytest.raises(FileError, match="it is of another robot"):
         read_motion(tmp_path / "clip.npz", "clip")
+
+
+def test_a_file_states_which_of_two_robots_with_the_same_joints_it_is_of(tmp_path, monkeypatch):
+    """A variant of a robot, with other links: the first one's were taken."""
+    monkeypatch.setattr(robot_motion, "robots", lambda: (ROBOT, dataclasses.replace(ROBOT, name="t1_tall")))
+    for name in ("t1", "t1_tall"):
+        path = write_csv(tmp_path / "clip.csv", csv_rows(), HEADER, f"# fps: 50\n# robot: {name}")
+        assert read_motion(path, "clip").clip.robot == name
+    for header in (HEADER, None):
+        with pytest.raises(AmbiguousFileError, match=r"fit several robots: t1, t1_tall\."):
+            read_motion(write_csv(tmp_path / "clip.csv", csv_rows(), header, "# fps: 50"), "clip")
 
 
 def test_an_amp_archive_of_the_robot_is_read_by_its_names(tmp_path):
