@@ -69,7 +69,7 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
         root_pos, root_quat, joint_pos = joint_pos[:, :3], joint_pos[:, 3:7], joint_pos[:, 7:]
     elif bodies is not None:
         body_names = header.optional_texts("body_names")
-        root = 0 if body_names is None else _root_index(header, body_names)
+        root = 0 if body_names is None else _root_index(header, body_names, names)
         root_pos = bodies[:, root]
         root_quat = header.numbers("body_quat_w", len(joint_pos), bodies.shape[1], 4)[:, root]
     else:
@@ -91,12 +91,12 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
     )
 
 
-def _root_index(arrays: ArrayFile, names: tuple[str, ...]) -> int:
-    """Index of the root link among the bodies. Raises FileError."""
-    for robot in robots():
-        if robot.root_link in names:
-            return names.index(robot.root_link)
-    raise FileError(arrays.path, f"no body is a robot's root link; there are: {', '.join(names[:12])}.")
+def _root_index(arrays: ArrayFile, bodies: tuple[str, ...], joints: tuple[str, ...] | None) -> int:
+    """Index of the root link (of the robot whose joints these are) among the bodies. Raises FileError."""
+    for robot in robots() if joints is None else (robot_of(arrays.path, len(joints), joints)[0],):
+        if robot.root_link in bodies:
+            return bodies.index(robot.root_link)
+    raise FileError(arrays.path, f"no body is a robot's root link; there are: {', '.join(bodies[:12])}.")
 
 
 def _bodies(header: ArrayFile, key: str, frames: int) -> Float[np.ndarray, "t b 3"] | None:
@@ -125,8 +125,7 @@ def is_robot_amp(arrays: ArrayFile) -> bool:
 def read_robot_amp(arrays: ArrayFile) -> RobotMotion:
     """A robot's motion. Raises FileError."""
     bodies, joints = arrays.texts("body_names"), arrays.texts("dof_names")
-    robot_of(arrays.path, len(joints), joints)
-    root = _root_index(arrays, bodies)
+    root = _root_index(arrays, bodies, joints)
     body_pos = arrays.numbers("body_positions", None, len(bodies), 3)
     body_quat = arrays.numbers("body_rotations", len(body_pos), len(bodies), 4)
     joint_pos = arrays.numbers("dof_positions", len(body_pos), len(joints))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.readers import read_motion, robot_motion
+from pipeline.readers import read_motion, robot_motion, robot_npz
 from tests.factories.robot_files import FRAMES, HEADER, ROBOT, amp_robot, assert_truth, csv_rows, npz, truth, write_csv
 
 
@@ -190,6 +190,17 @@ def test_a_file_states_which_of_two_robots_with_the_same_joints_it_is_of(tmp_pat
     for header in (HEADER, None):
         with pytest.raises(AmbiguousFileError, match=r"fit several robots: t1, t1_tall\."):
             read_motion(write_csv(tmp_path / "clip.csv", csv_rows(), header, "# fps: 50"), "clip")
+
+
+def test_the_root_among_bodies_is_that_of_the_robot_with_these_joints(tmp_path, monkeypatch):
+    """Another robot's root link may have the name of a link here, such as `torso_link` of the Unitree G1."""
+    names = tuple(f"other_{joint}" for joint in ROBOT.joint_names)
+    tree = dataclasses.replace(ROBOT.tree, link_names=("Waist", *(f"other_{link}" for link in ROBOT.link_names[1:])))
+    other = dataclasses.replace(ROBOT, name="a1", tree=tree, joint_names=names, controlled=names, namings={})
+    for module in (robot_motion, robot_npz):
+        monkeypatch.setattr(module, "robots", lambda: (other, ROBOT))
+    assert_truth(read_motion(npz(tmp_path / "clip.npz"), "clip").clip)
+    assert_truth(read_motion(amp_robot(tmp_path / "amp.npz"), "clip").clip)
 
 
 def test_an_amp_archive_of_the_robot_is_read_by_its_names(tmp_path):
