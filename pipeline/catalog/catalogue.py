@@ -14,7 +14,7 @@ from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import digest
-from pipeline.quality.planar_motion import bridge_positions, planar_motion
+from pipeline.quality.planar_motion import TELEPORT_M_S, bridge_positions, planar_motion, teleport_share
 from pipeline.readers import ReadMotion, Source, read_motion, read_reference, refuse_outside_link
 
 
@@ -119,6 +119,10 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
     )
 
 
+MOSTLY = 0.5
+"""Share of steps from which a root that is too fast is what keeps a file from being evaluated."""
+
+
 def _too_little_recorded(
     clip: HumanClip | RobotClip, measured: Mapping[str, Number], settings: CatalogSettings
 ) -> tuple[Reason, ...]:
@@ -130,7 +134,10 @@ def _too_little_recorded(
         seen = f"of {clip.frame_count} frames none is in a stretch of {settings.velocity_s:g} s that tells a speed"
     else:
         seen = f"where a speed can be measured {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
-    text = f"{seen}; root or hips are missing in the others"
+    why, fast = "root or hips are missing in the others", teleport_share(clip)
+    if fast > MOSTLY:
+        why = f"in {fast:.0%} of the steps the root is faster than {TELEPORT_M_S:g} m/s: its unit or the rate is wrong"
+    text = f"{seen}; {why}"
     return (Reason(code="too_little_recorded", text=text, effect="rejected", value=share, limit=least),)
 
 

@@ -156,13 +156,25 @@ def leg_length(clip: HumanClip) -> float:
 
 def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[int, int]]:
     """Frame ranges that are known throughout and without a teleport."""
-    step = np.linalg.norm(np.diff(np.where(known[:, None], root_w, 0.0), axis=0), axis=1)
-    breaks = np.flatnonzero((step > TELEPORT_STEP) & (step * fps > TELEPORT_M_S)) + 1
+    breaks = np.flatnonzero(_teleports(np.where(known[:, None], root_w, 0.0), fps)) + 1
     pieces = []
     for start, stop in time_series.runs(known):
         edges = [start, *breaks[(breaks > start) & (breaks < stop)].tolist(), stop]
         pieces += list(itertools.pairwise(edges))
     return pieces
+
+
+def _teleports(root_w: np.ndarray, fps: float) -> np.ndarray:
+    """Steps from frame to frame that no person and no robot makes."""
+    step = np.linalg.norm(np.diff(root_w, axis=0), axis=1)
+    return (step > TELEPORT_STEP) & (step * fps > TELEPORT_M_S)
+
+
+def teleport_share(clip: HumanClip | RobotClip) -> float:
+    """Share of the steps between recorded frames that no person and no robot makes; 0 where there is none."""
+    root_w = _root_and_facing(clip)[0]
+    known = np.isfinite(root_w[1:] + root_w[:-1]).all(axis=1)
+    return float(_teleports(root_w, clip.fps)[known].mean()) if known.any() else 0.0
 
 
 def _mean_of_trend(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:

@@ -93,6 +93,14 @@ def test_a_file_of_which_too_little_was_recorded_is_rejected_with_the_share():
     assert (reason.value, reason.limit) == (pytest.approx(0.2, abs=0.01), CATALOG.least_recorded_share)
 
 
+def test_a_root_in_centimetres_is_rejected_for_its_speed():
+    whole = shipped("walk")
+    clip = dataclasses.replace(whole.clip, body_pos_w=100.0 * whole.clip.body_pos_w)
+    outcome = catalogue(dataclasses.replace(whole, clip=clip), settings=CATALOG)
+    (reason,) = [each for each in outcome.reasons if each.code == "too_little_recorded"]
+    assert reason.text.endswith("the root is faster than 15 m/s: its unit or the rate is wrong")
+
+
 def test_a_file_without_any_stretch_that_tells_a_speed_is_rejected():
     whole = shipped("walk_slow")
     gone = np.arange(whole.clip.frame_count) % 60 != 0
