@@ -78,7 +78,6 @@ def test_the_motors_of_a_bundle_are_those_of_the_table_of_actuators(tmp_path, ro
     assert [row["joint"] for row in rows] == list(facts["joint_names"])
     columns = {
         "effort_limit": "box_effort_limit",
-        "velocity_limit": "box_velocity_limit",
         "saturation_effort": "dc_motor_saturation_effort",
         "no_load_speed": "dc_motor_no_load_speed",
         "kp": "kp",
