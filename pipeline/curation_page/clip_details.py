@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.batch import Manifest
-from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable, NoClipError, asset_of
+from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable, NoClipError, asset_of, made_from
 from pipeline.errors import FileError
 from pipeline.feedback.approve import FeedbackFiles
 from pipeline.feedback.change import SECTIONS, Change, place_of, proposal_digest
@@ -48,9 +48,7 @@ def clip_details(
 
 def _names(row: ClipRow) -> list[str]:
     """What a decision on this clip may name: itself, the window and the recording that it was made from."""
-    window = row.clip.split("~")[0]
-    recording = window.rpartition("@")[0] or window
-    return list(dict.fromkeys((row.clip, window, recording)))
+    return list(dict.fromkeys((row.clip, *made_from(row.clip))))
 
 
 def _starts_s(row: ClipRow) -> float:

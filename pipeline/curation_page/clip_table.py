@@ -74,6 +74,19 @@ class ClipTable:
         return {piece: row for row in self.rows for piece in row.pieces} | {row.clip: row for row in self.rows}
 
 
+_WINDOW = re.compile(r"(?P<window>(?P<recording>.*)@\d+-\d+)(?:\+\d+)*(?:~.*)?", re.DOTALL)
+
+
+def made_from(clip: str) -> tuple[str, str]:
+    """The window and the recording that a clip was made from, by its name; both are the clip where it has no window.
+
+    The names are those of KP1: a repaired piece (`…+1`) is of the window that was selected. A file's own name may
+    contain the marks `@`, `+` and `~`.
+    """
+    match = _WINDOW.fullmatch(clip)
+    return (match["window"], match["recording"]) if match else (clip, clip)
+
+
 def asset_of(stage: str, robot: str) -> str:
     """Key of a stage's asset, with slashes."""
     return stage if stage in HUMAN_STAGES or robot == DEFAULT_ROBOT else f"{robot}/{stage}"

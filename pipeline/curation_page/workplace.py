@@ -12,7 +12,16 @@ import pandas as pd
 
 from pipeline.batch import ClipPool
 from pipeline.curation_page.clip_details import clip_details
-from pipeline.curation_page.clip_table import DATABASE, LAST, STAGES, ClipTable, NoClipError, asset_of, read_table
+from pipeline.curation_page.clip_table import (
+    DATABASE,
+    LAST,
+    STAGES,
+    ClipTable,
+    NoClipError,
+    asset_of,
+    made_from,
+    read_table,
+)
 from pipeline.curation_page.columns import THRESHOLD_COLUMNS, columns
 from pipeline.curation_page.compare_databases import compare, versions
 from pipeline.curation_page.line_figure import encode
@@ -165,8 +174,7 @@ class Workplace:
         """Write a person's decision on some clips; their number. Raises SettingsError, FileError."""
         table = self.read().table
         known = {part for row in table.rows for part in (row.clip, *row.pieces)}
-        windows = {name.split("~")[0] for name in known}
-        known |= windows | {name.rpartition("@")[0] for name in windows}
+        known |= {name for clip in known for name in made_from(clip)}
         strange = [clip for clip in clips if clip not in known]
         if strange or not clips:
             raise NoClipError(strange[0] if strange else "")

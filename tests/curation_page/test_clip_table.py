@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.batch import Store
 from pipeline.curation_page.clip_details import ancestors, clip_details
-from pipeline.curation_page.clip_table import read_table
+from pipeline.curation_page.clip_table import made_from, read_table
 from pipeline.curation_page.columns import columns
 from pipeline.curation_page.motion_sources import MotionSources
 from pipeline.errors import PipelineError
@@ -101,3 +101,17 @@ def test_details_say_what_each_stage_did_and_where_the_pieces_are(table):
     assert ancestors(related) == ancestors(kept), "its family is no ancestor"
     with pytest.raises(PipelineError, match="there is no clip 'nobody'"):
         clip_details(table, None, (), "t1", "nobody")
+
+
+@pytest.mark.parametrize(
+    ("clip", "window", "recording"),
+    [
+        ("lab/walk@0-99~mirror~rollout1+0", "lab/walk@0-99", "lab/walk"),
+        ("lab/walk@0-99+1~x0.9~rollout", "lab/walk@0-99", "lab/walk"),  # a repaired piece: KP1 knows its window alone
+        ("lab/walk@0-99+1", "lab/walk@0-99", "lab/walk"),
+        ("lab/a~b+1@home@0-99~mirror", "lab/a~b+1@home@0-99", "lab/a~b+1@home"),
+        ("lab/a~b+1@home", "lab/a~b+1@home", "lab/a~b+1@home"),
+    ],
+)
+def test_window_and_recording_of_a_clip_are_those_that_kp1_knows(clip, window, recording):
+    assert made_from(clip) == (window, recording)

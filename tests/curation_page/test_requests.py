@@ -1,5 +1,6 @@
 """Who may do what at the server: pages of this machine read, and change things only with the token."""
 
+import dataclasses
 import json
 import shutil
 
@@ -7,7 +8,7 @@ import pytest
 import yaml
 from starlette.testclient import TestClient
 
-from pipeline.batch import ClipPool
+from pipeline.batch import ClipPool, Store
 from pipeline.curation_page.app import make_app
 from pipeline.curation_page.workplace import Workplace
 from tests.factories import curated_project as made
@@ -173,3 +174,13 @@ def test_the_release_page_is_served_with_its_style_and_nothing_else(client, fold
         assert policy.startswith("default-src 'none'; img-src data:; style-src 'sha256-") and "unsafe" not in policy
     for address in ("/release/k9", "/release/..%2f..%2fdata"):
         assert client.get(address).status_code == 404
+
+
+def test_a_decision_may_name_the_window_of_a_repaired_piece(client, folder):
+    store = Store(root=folder / "data/store")
+    manifest = store.load("feasible_motions").at_hand()
+    piece = made.judged("lab/jump@0-99+1~mirror~rollout", None, made.reason("foot_slip_p95", "feet slide"))
+    store.save("feasible_motions", dataclasses.replace(manifest, judged=(*manifest.judged, piece)))
+    names = client.get("/api/clip", params={"name": piece.clip}).json()["names"]
+    assert names == [piece.clip, "lab/jump@0-99", "lab/jump"]
+    assert [post(client, "decide", {**EXCLUDE, "clips": [name]}).status_code for name in names] == [200, 200, 200]
