@@ -63,12 +63,12 @@ def _pieces(manifest: Manifest | None, row: ClipRow) -> list[dict[str, Any]]:
     if manifest is None or row.stage != LAST:
         return []
     wanted = set(row.pieces)
-    before_s = float(row.numbers.get("stretch_start_s") or 0.0) if len(row.pieces) > 1 else 0.0
+    before_s = float(row.numbers.get("stretch_start_s") or 0.0)  # the clip may be a stretch itself
     found = []
     for entry in manifest.entries:
         if entry.clip in wanted:
             numbers = entry.numbers
-            start_s = float(numbers.get("stretch_start_s") or 0.0) - before_s if len(row.pieces) > 1 else 0.0
+            start_s = float(numbers.get("stretch_start_s") or 0.0) - before_s
             found.append(
                 {
                     "clip": entry.clip,

@@ -142,7 +142,7 @@ def _inputs(manifests: Mapping[str, Manifest], stage: str) -> dict[str, Entry]:
 
 def _row(stage: str, judged: Judged, taken_in: Entry | None, pieces: list[Entry]) -> ClipRow:
     numbers = {**(taken_in.numbers if taken_in else {}), **judged.numbers}
-    if len(pieces) == 1:
+    if [piece.clip for piece in pieces] == [judged.clip]:  # a part of it has figures of its own
         numbers |= pieces[0].numbers
     if pieces:
         numbers["weight"] = sum(float(piece.numbers.get("weight") or 0.0) for piece in pieces)

@@ -103,6 +103,20 @@ def test_details_say_what_each_stage_did_and_where_the_pieces_are(table):
         clip_details(table, None, (), "t1", "nobody")
 
 
+def test_a_clip_of_which_one_piece_is_left_has_its_own_figures_and_the_place_of_the_piece(root, robot, tmp_path):
+    store = Store(root=made.curated_project(root, tmp_path / "project", robot) / "data/store")
+    manifest = store.load("feasible_motions").at_hand()
+    late = made.entry(f"{made.CUT}+0", manifest.entries[0].blob, {"seconds": 1.0, "weight": 0.3})
+    late = dataclasses.replace(late, numbers={**late.numbers, "stretch_start_s": 2.0, "foot_slip_p95": 0.1})
+    cut = dataclasses.replace(made.judged(made.CUT, late.clip, foot_slip_p95=0.5), reasons=())
+    store.save("feasible_motions", dataclasses.replace(manifest, entries=(late,), judged=(cut,)))
+    table = read_table(store, "t1")
+    details = clip_details(table, None, (), "t1", made.CUT)
+    assert [(each["start_s"], each["stop_s"]) for each in details["pieces"]] == [(2.0, 3.0)]
+    assert (details["numbers"]["foot_slip_p95"], details["numbers"]["seconds"]) == (0.5, 3.0)
+    assert details["numbers"]["weight"] == 0.3
+
+
 @pytest.mark.parametrize(
     ("clip", "window", "recording"),
     [
