@@ -161,7 +161,10 @@ def take_back(path: Path, clips: Sequence[str]) -> tuple[Decision, ...]:
 
 
 def _write(path: Path, decisions: tuple[Decision, ...]) -> tuple[Decision, ...]:
-    """Replace the block of decisions. Raises SettingsError if the new text says anything else apart from them."""
+    """Replace the block of decisions.
+
+    Raises SettingsError if the new text says anything else apart from them, or is too long to be read again.
+    """
     text = path.read_text(encoding="utf-8")
     kept = _without_block(text)
     new, rows = kept.rstrip("\n") + "\n", [dataclasses.asdict(each) for each in decisions]
@@ -172,6 +175,9 @@ def _write(path: Path, decisions: tuple[Decision, ...]) -> tuple[Decision, ...]:
     rest = {key: value for key, value in before.items() if key != KEY}
     if after != rest or stated != rows or KEY in (yaml.safe_load(kept) or {}):
         raise SettingsError(path, f"the key '{KEY}' can't be replaced.", f"Move '{KEY}:' to the end of the file.")
+    if len(new.encode()) > settings.MAX_BYTES:
+        problem = f"with {len(decisions)} decisions the file would be larger than {settings.MAX_BYTES} bytes."
+        raise SettingsError(path, problem, "Exclude recordings or windows instead, or a pattern of 'excluded_clips'.")
     atomic.write_text(path, new)
     return decisions
 

@@ -56,6 +56,15 @@ def test_settings_below_the_decisions_survive(curation):
     assert [each.clip for each in read_decisions(curation)] == ["x", "y"]
 
 
+def test_more_decisions_than_can_be_read_again_are_refused(curation):
+    decide(curation, [decision("a")])
+    before = curation.read_text()
+    many = [decision(f"mine/walk@0-99~rollout{count}", why="w" * 400) for count in range(2500)]
+    with pytest.raises(SettingsError, match="with 2501 decisions the file would be larger than 1000000"):
+        decide(curation, many)
+    assert curation.read_text() == before
+
+
 def test_a_form_that_can_not_be_replaced_changes_nothing(curation):
     curation.write_text(curation.read_text() + '"decisions": []\n')
     before = curation.read_text()
