@@ -109,6 +109,9 @@ def decline_proposal(files: FeedbackFiles, proposal: str, by: str, *, sections: 
     kept = _answered(files, proposal, by, (), sections)
     with atomic.only_writer(files.declined):
         earlier = files.answers(files.declined)
+        if not earlier.readable:
+            fault = next(iter(earlier.faults.values()))
+            raise ApprovalError(f"nothing was declined, since what was declined before can't be read: {fault}")
         entries = added(earlier.entries, entries_of(kept, proposal, by), whole=True)
         write_entries(files.declined, entries, head="declined")
     return len(kept)

@@ -100,7 +100,8 @@ def read_approvals(path: Path, rules: FeedbackRules) -> Approvals:
                 raise SettingsError(path, f"{problem}, there are: {', '.join(SECTIONS)}.")
     except (SettingsError, OSError) as error:
         what = str(error) if isinstance(error, SettingsError) else f"{path}: {error.strerror}."
-        fault = PipelineError(f"{what} Mend it, or delete it and approve again: without it nothing is approved.")
+        answer = "decline" if path.stem == "declined" else "approve"
+        fault = PipelineError(f"{what} Mend it, or delete it and {answer} again: without it nothing is {answer}d.")
         return Approvals(faults=dict.fromkeys(SECTIONS, fault))
     faults = {section: _fault(path, section, entries, rules) for section in SECTIONS}
     return Approvals(entries=entries, faults={section: fault for section, fault in faults.items() if fault})

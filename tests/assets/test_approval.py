@@ -171,6 +171,15 @@ def test_what_was_declined_is_not_asked_again_until_its_evidence_changes(project
     assert "weights" in {change.section for change in page.pending}, "another log is other evidence"
 
 
+def test_declining_overwrites_no_file_that_can_not_be_read(project):
+    digest = propose_into(project, report(1, failure()))
+    decline_proposal(project.feedback, digest, "a person", sections=("weights",))
+    project.feedback.declined.write_text("approvals: [\n")
+    with pytest.raises(ApprovalError, match=r"nothing was declined, .*declined.yaml, line 2: .*and decline again"):
+        decline_proposal(project.feedback, digest, "a person")
+    assert project.feedback.declined.read_text() == "approvals: [\n"
+
+
 def page_of(project, made) -> FeedbackPage:
     declined = project.feedback.declined_changes()
     return FeedbackPage(proposal=made, approvals=project.feedback.approvals(), declined_changes=declined)
