@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
+from unicodedata import category
 
 import yaml
 
@@ -26,15 +27,17 @@ from pipeline.selection.skills import SkillBounds
 ACCEPT, EXCLUDE = "accept", "exclude"
 MOST_LETTERS = 500
 """Of a name or a reason."""
+NO_LETTER = ("Cc", "Cs", "Zl", "Zp")
+"""Unicode categories that no line of text has: control characters, surrogates, ends of lines and paragraphs."""
 
 
 @dataclass(frozen=True)
 class Line(Allowed):
-    """One line of text that is not empty."""
+    """One line of text that is not empty, in any language: no-break spaces and joiners are part of words and emoji."""
 
     def problem(self, value: Any) -> str | None:
         text = str(value)
-        if not text.strip() or len(text) > MOST_LETTERS or not text.isprintable():
+        if not text.strip() or len(text) > MOST_LETTERS or any(category(each) in NO_LETTER for each in text):
             return f"is {text[:40]!r}, allowed is one line of 1 to {MOST_LETTERS} letters"
         return None
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import FileError, SettingsError
@@ -45,6 +46,19 @@ def test_a_name_with_markup_and_foreign_letters_survives(curation):
     name = "mine/<b>'\"Ünï: #1 - [x]"
     decide(curation, [decision(name)])
     assert read_decisions(curation)[0].clip == name
+
+
+@pytest.mark.parametrize("text", ["Aufnahme\u00a012", "runner 🏃\u200d♀️", "می\u200cلغزد", "10\u202fcm off"])
+def test_spaces_and_joiners_of_other_languages_survive(curation, text):
+    decide(curation, [decision(f"mine/{text}", why=text)])
+    assert (read_decisions(curation)[0].clip, read_decisions(curation)[0].why) == (f"mine/{text}", text)
+
+
+@pytest.mark.parametrize("text", ["two\nlines", "two\u2028lines", "a\ttab", "\x1b[31m"])
+def test_a_reason_of_several_lines_or_with_control_characters_is_refused(curation, text):
+    curation.write_text(curation.read_text() + yaml.safe_dump({"decisions": [{**vars(decision("a")), "why": text}]}))
+    with pytest.raises(SettingsError, match="allowed is one line of 1 to 500 letters"):
+        read_decisions(curation)
 
 
 def test_settings_below_the_decisions_survive(curation):
