@@ -22,14 +22,20 @@ CRITERIA = (
 )
 """Columns of the table of criteria that the page shows."""
 
+MOST_MADE = 500
+"""Clips that are listed of those that were made from another one."""
+
 
 def clip_details(
     table: ClipTable, criteria: pd.DataFrame | None, decisions: tuple[Decision, ...], robot: str, clip: str
 ) -> dict[str, Any]:
-    """The details of a clip as JSON types. Raises NoClipError for a clip that is not in the table."""
+    """The details of a clip as JSON types; of one that passed all its stages, the clips that were made from it.
+
+    Raises NoClipError for a clip that neither is in the table nor has such clips.
+    """
     row = table.row(clip)
     if row is None:
-        raise NoClipError(clip)
+        return _passed(table, decisions, clip)
     return {
         "clip": row.clip,
         "stage": row.stage,
@@ -44,6 +50,16 @@ def clip_details(
         "starts_s": _starts_s(row),
         "decisions": [vars(each) for each in decisions if each.clip in {*_names(row), *row.pieces}],
     }
+
+
+def _passed(table: ClipTable, decisions: tuple[Decision, ...], clip: str) -> dict[str, Any]:
+    """The clips of the table that were made from a recording, window or variant. Raises NoClipError."""
+    made = [row.clip for row in table.rows if clip in ancestors(row)]
+    if not made:
+        raise NoClipError(clip)
+    names = list(dict.fromkeys(made_from(clip)))
+    own = [vars(each) for each in decisions if each.clip in {clip, *names}]
+    return {"clip": clip, "made": made[:MOST_MADE], "count": len(made), "names": names, "decisions": own}
 
 
 def _names(row: ClipRow) -> list[str]:

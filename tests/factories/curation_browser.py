@@ -7,12 +7,14 @@ import os
 import re
 import signal
 import subprocess
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipeline.curation_page.app import CurationServer
 from tests.factories.browser import chromium
 from tests.factories.checkout import Checkout
 
@@ -38,6 +40,19 @@ def curation_server(checkout: Checkout) -> Iterator[str]:
             os.killpg(process.pid, signal.SIGKILL)
 
 
+@contextmanager
+def served(folder: Path, port: int = 0) -> Iterator[CurationServer]:
+    """The curator's page of a project, served by a thread of this process."""
+    server = CurationServer(folder, "t1", port)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.stop()
+        thread.join()
+
+
 @dataclass
 class Browser:
     """A page in Chromium; everything the console complains about is kept."""
@@ -54,6 +69,10 @@ class Browser:
         )
         self.page.evaluate(script)
 
+    def other_tab(self, url: str) -> Browser:
+        """Another page of the same browser window, with the same storage."""
+        return _opened(self.page.context.new_page(), url)
+
     def picture(self, name: str) -> None:
         """Write a screenshot into the folder of `BOOSTER_LAB_PICTURES`, if that is set."""
         from PIL import Image
@@ -66,12 +85,20 @@ class Browser:
 
 
 @contextmanager
-def browser(url: str) -> Iterator[Browser]:
-    """A headless Chromium that has opened an address. Skips where it or Playwright is missing."""
+def browser(url: str, **options: Any) -> Iterator[Browser]:
+    """A headless Chromium that has opened an address. Skips where it or Playwright is missing.
+
+    Args:
+        options: of the page, as Playwright has them
+    """
     with chromium() as running:
-        found = Browser(running.new_page(viewport={"width": 1360, "height": 820}))
-        found.page.on("console", lambda each: each.type in ("error", "warning") and found.complaints.append(each.text))
-        found.page.on("pageerror", lambda error: found.complaints.append(str(error)))
-        found.page.on("dialog", lambda each: found.complaints.append(f"dialog: {each.message}"))
-        found.page.goto(url)
-        yield found
+        yield _opened(running.new_page(viewport={"width": 1360, "height": 820}, **options), url)
+
+
+def _opened(page: Any, url: str) -> Browser:
+    found = Browser(page)
+    page.on("console", lambda each: each.type in ("error", "warning") and found.complaints.append(each.text))
+    page.on("pageerror", lambda error: found.complaints.append(str(error)))
+    page.on("dialog", lambda each: found.complaints.append(f"dialog: {each.message}"))
+    page.goto(url)
+    return found

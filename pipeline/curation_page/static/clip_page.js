@@ -17,6 +17,10 @@ export class ClipPage {
   async load() {
     const name = encodeURIComponent(this.clip);
     const details = await getJson(`/api/clip?name=${name}`).catch((error) => { this.loading.remove(); throw error; });
+    if (details.made) {
+      this.element.replaceChildren(...passed(details));
+      return;
+    }
     this.motion ??= await getBytes(`/api/motion?name=${name}`).then(parse, (error) => { this.why = error.message; return []; });
     this.show(details);
   }
@@ -39,7 +43,6 @@ export class ClipPage {
       this.timeline = new Timeline(details, this.motion, this.player.duration, (to) => this.player.seek(to));
       this.player.seek(time);
     }
-    const decided = new Map(details.decisions.map((each) => [each.clip, each]));
     this.element.replaceChildren(
       el("h1", {}, details.clip),
       el("p", {}, el("span", { class: details.verdict }, details.verdict), ` at ${details.stage}, `, details.numbers.skill ?? "", ", ",
@@ -48,9 +51,7 @@ export class ClipPage {
         el("button", { class: "accept", onclick: () => decide([details.clip], "accept", details.names) }, "✓ accept"),
         el("button", { class: "exclude", onclick: () => decide([details.clip], "exclude", details.names) }, "✕ exclude"),
         el("button", { class: "rerun", onclick: () => rerun([details.clip]), title: "every stage works on this clip again, from the recording on" }, "↺ re-run"),
-        details.decisions.map((each) => el("span", {}, el("span", { class: each.verdict }, `${each.clip}: ${each.verdict === "exclude" ? "excluded" : "accepted"} by ${each.by} on ${each.day}: ${each.why} `),
-          el("button", { onclick: () => decide([each.clip], "take back") }, "undo"))),
-        decided.size ? null : el("span", { class: "quiet" }, "no decision yet")),
+        decisions(details)),
       this.player?.element ?? el("p", { class: "empty" }, this.why ?? "no motion of this clip was read"),
       this.timeline?.canvas ?? "",
       ...reasons(details, this.player),
@@ -60,6 +61,27 @@ export class ClipPage {
       el("details", {}, el("summary", {}, "all figures"), table(["figure", "value"], Object.entries(details.numbers).map(([name, value]) => [name, typeof value === "number" ? number(value, 4) : String(value ?? "–")]))),
     );
   }
+}
+
+function decisions(details) {
+  if (!details.decisions.length) return el("span", { class: "quiet" }, "no decision yet");
+  return details.decisions.map((each) => el("span", {}, el("span", { class: each.verdict }, `${each.clip}: ${each.verdict === "exclude" ? "excluded" : "accepted"} by ${each.by} on ${each.day}: ${each.why} `),
+    el("button", { onclick: () => decide([each.clip], "take back") }, "undo")));
+}
+
+// The page of a recording, window or variant that passed all its stages: it is in the gallery as what was made from it.
+function passed(details) {
+  const [about] = details.names;
+  const more = details.count > details.made.length ? `; the first ${details.made.length} are` : "";
+  return [
+    el("h1", {}, details.clip),
+    el("div", { class: "controls" },
+      el("button", { class: "accept", onclick: () => decide([about], "accept", details.names) }, "✓ accept"),
+      el("button", { class: "exclude", onclick: () => decide([about], "exclude", details.names) }, "✕ exclude"),
+      decisions(details)),
+    el("p", {}, `${details.count === 1 ? "1 clip was" : `${details.count} clips were`} made from it${more}:`),
+    el("ul", {}, details.made.map((each) => el("li", {}, clipLink(each)))),
+  ];
 }
 
 function reasons(details, player) {

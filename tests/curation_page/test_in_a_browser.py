@@ -1,0 +1,88 @@
+"""The curator's page in a headless Chromium, on a small project that no run has to make."""
+
+import dataclasses
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+import yaml
+
+from pipeline.batch import Store
+from tests.factories import curated_project as made
+from tests.factories.curation_browser import Browser, browser, served
+
+LATER = 40
+"""Rejected clips of the recording `many/clip…`, so that the gallery can be scrolled."""
+
+
+@pytest.fixture
+def folder(root, robot, tmp_path):
+    folder = made.curated_project(root, tmp_path / "project", robot)
+    store = Store(root=folder / "data/store")
+    manifest = store.load("feasible_motions").at_hand()
+    slip = made.reason("foot_slip_p95", "feet slide", start_s=1.0, stop_s=1.5)
+    rows = [made.judged(f"many/clip{place:02d}@0-99~rollout", None, slip, foot_slip_p95=0.9 - place / 100)
+            for place in range(LATER)]
+    store.save("feasible_motions", dataclasses.replace(manifest, judged=(*manifest.judged, *rows)))
+    return folder
+
+
+@pytest.fixture
+def server(folder):
+    with served(folder) as running:
+        yield running
+
+
+@pytest.fixture
+def page(server):
+    with browser(server.url) as opened:
+        opened.page.wait_for_selector(".card")
+        name(opened)
+        yield opened
+
+
+def name(page: Browser) -> None:
+    page.page.fill("#name", "Ada")
+    page.page.locator("#name").blur()
+
+
+def go(page: Browser, where: str, ready: str) -> None:
+    page.page.evaluate("where => { location.hash = where; }", where)
+    page.page.wait_for_selector(ready)
+
+
+def clip(name: str) -> str:
+    return f"#/clip/{quote(name, safe='~')}"
+
+
+def shown(page: Browser) -> list[str]:
+    """Names of the cards in view, in the order in which they are seen."""
+    script = """cards => cards.map(card => [card.getBoundingClientRect(), card.querySelector('.name').textContent])
+        .sort(([a], [b]) => a.top - b.top || a.left - b.left).map(([, name]) => name)"""
+    return page.page.eval_on_selector_all(".card:not([hidden])", script)
+
+
+def decisions(folder: Path) -> list[dict]:
+    return yaml.safe_load((folder / "data/curation.yaml").read_text()).get("decisions", [])
+
+
+def test_names_lead_from_the_lineage_and_the_decisions_to_pages_of_their_own(page):
+    go(page, clip(made.KEPT), ".timeline")
+    page.page.click("button.exclude")
+    page.page.fill("dialog input", "wrong person")
+    page.page.select_option("dialog select", made.RECORDING)
+    page.page.click("dialog .ok")
+    page.page.wait_for_selector("text=excluded by Ada")
+    links = page.page.eval_on_selector_all("main a[href^='#/clip/']", "all => all.map(each => each.hash)")
+    go(page, "#/decisions", "td")
+    links += page.page.eval_on_selector_all("main a[href^='#/clip/']", "all => all.map(each => each.hash)")
+    assert clip(made.RECORDING) in links and clip(made.WINDOW) in links
+    for link in dict.fromkeys(links):
+        go(page, link, "h1")
+        assert page.page.is_hidden("#message.error"), link
+    go(page, clip(made.RECORDING), "text=clips were made from it")
+    assert made.KEPT in page.page.text_content(".page")
+    assert "excluded by Ada" in page.page.text_content(".page")
+    page.page.click("text=undo")
+    page.page.wait_for_selector("text=no decision yet")
+    assert page.complaints == []
