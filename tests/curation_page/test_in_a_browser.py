@@ -21,7 +21,7 @@ def folder(root, robot, tmp_path):
     store = Store(root=folder / "data/store")
     manifest = store.load("feasible_motions").at_hand()
     slip = made.reason("foot_slip_p95", "feet slide", start_s=1.0, stop_s=1.5)
-    rows = [made.judged(f"many/clip{place:02d}@0-99~rollout", None, slip, foot_slip_p95=0.9 - place / 100)
+    rows = [made.judged(many(place), None, slip, foot_slip_p95=0.9 - place / 100)
             for place in range(LATER)]
     store.save("feasible_motions", dataclasses.replace(manifest, judged=(*manifest.judged, *rows)))
     return folder
@@ -39,6 +39,10 @@ def page(server):
         opened.page.wait_for_selector(".card")
         name(opened)
         yield opened
+
+
+def many(place: int) -> str:
+    return f"many/clip{place:02d}@0-99~rollout"
 
 
 def name(page: Browser) -> None:
@@ -86,3 +90,12 @@ def test_names_lead_from_the_lineage_and_the_decisions_to_pages_of_their_own(pag
     page.page.click("text=undo")
     page.page.wait_for_selector("text=no decision yet")
     assert page.complaints == []
+
+
+def test_a_range_starts_at_the_clip_that_was_clicked_last_though_others_are_filtered_out(page):
+    page.page.click(f"[aria-label='select {many(0)}']")
+    page.page.fill("input[type=search]", "many")
+    page.until(f"document.querySelector('.count').textContent.startsWith('{LATER} of')")
+    page.page.click(f"[aria-label='select {many(3)}']", modifiers=["Shift"])
+    chosen = page.page.eval_on_selector_all(".card.chosen .name", "all => all.map(each => each.textContent)")
+    assert sorted(chosen) == [many(place) for place in range(4)]

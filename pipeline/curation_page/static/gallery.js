@@ -117,13 +117,14 @@ export class Gallery {
   // With the shift key everything from the last one that was chosen.
   choose(index, range) {
     const place = this.indices.indexOf(index);
-    const from = range && this.last !== undefined ? this.last : place;
+    const last = range ? this.indices.indexOf(this.last) : -1;  // it may have moved, or be filtered out
+    const from = last >= 0 ? last : place;
     const take = !this.chosen.has(index);
     for (let each = Math.min(from, place); each <= Math.max(from, place); each += 1) {
       if (take) this.chosen.add(this.indices[each]);
       else this.chosen.delete(this.indices[each]);
     }
-    this.last = place;
+    this.last = index;
     this.render();
     this.onChosen();
   }
