@@ -99,3 +99,29 @@ def test_a_range_starts_at_the_clip_that_was_clicked_last_though_others_are_filt
     page.page.click(f"[aria-label='select {many(3)}']", modifiers=["Shift"])
     chosen = page.page.eval_on_selector_all(".card.chosen .name", "all => all.map(each => each.textContent)")
     assert sorted(chosen) == [many(place) for place in range(4)]
+
+
+def test_the_address_keeps_ranges_and_a_decision_keeps_them_and_the_place(page, server):
+    canvas = page.page.locator("[data-figure='foot_slip_p95'] canvas")
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    page.page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 9)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + box["width"] - 1, box["y"] + 9)
+    page.page.mouse.up()
+    page.until("location.hash.includes('range=')")
+    count = page.page.text_content(".count")
+    assert 5 < int(count.split()[0]) < LATER
+    with_range = page.other_tab(server.url.partition("#")[0] + page.page.evaluate("location.hash"))
+    with_range.page.wait_for_selector(".count")
+    assert with_range.page.text_content(".count") == count, "a bookmark"
+    page.page.evaluate("document.querySelector('.grid').scrollTop = 400")
+    page.until("document.querySelector('.card:not([hidden]) .name')")
+    page.page.evaluate("document.querySelectorAll('.card:not([hidden]) input')[4].click()")
+    page.page.click(".bar button.exclude")
+    page.page.fill("dialog input", "slides")
+    page.page.press("dialog input", "Enter")
+    page.page.wait_for_selector(".card .decision.exclude")
+    assert page.page.text_content(".count") == count
+    assert page.page.evaluate("document.querySelector('.grid').scrollTop") == 400
+    assert page.complaints == []

@@ -89,10 +89,11 @@ def browser(url: str, **options: Any) -> Iterator[Browser]:
     """A headless Chromium that has opened an address. Skips where it or Playwright is missing.
 
     Args:
-        options: of the page, as Playwright has them
+        options: of the browser's context, as Playwright has them
     """
     with chromium() as running:
-        yield _opened(running.new_page(viewport={"width": 1360, "height": 820}, **options), url)
+        context = running.new_context(viewport={"width": 1360, "height": 820}, **options)
+        yield _opened(context.new_page(), url)
 
 
 def _opened(page: Any, url: str) -> Browser:

@@ -12,10 +12,10 @@ const PAUSE_MS = 120;
 const PIECE_MS = 6;
 
 export class ClipsPage {
-  constructor(table, query) {
+  // `kept`: what this page had before the table was read again.
+  constructor(table, query, kept) {
     this.table = table;
-    this.state = { query: query.get("q") ?? "", texts: {}, ranges: {}, sort: query.get("sort") ?? "clip", descending: query.get("descending") === "1" };
-    for (const facet of FACETS) if (query.has(facet)) this.state.texts[facet] = query.get(facet);
+    this.state = kept?.state ?? stated(query);
     this.thumbnails = new Thumbnails();
     this.gallery = new Gallery(table, this.thumbnails, {
       onChosen: () => this.showCounts(),
@@ -24,6 +24,10 @@ export class ClipsPage {
     this.element = this.built();
     this.update();
   }
+
+  kept() { return { state: this.state, top: this.gallery.top }; }
+
+  attached({ top }) { this.gallery.goTo(top); }
 
   leave() {
     clearTimeout(this.filling);
@@ -134,8 +138,9 @@ export class ClipsPage {
   // led to another page already, whose own event comes a moment later.
   remember() {
     if (!/^(#\/?)?(\?|$)/.test(location.hash)) return;
-    const { query, texts, sort, descending } = this.state;
+    const { query, texts, ranges, sort, descending } = this.state;
     const shown = new URLSearchParams({ ...(query && { q: query }), ...texts, ...(sort !== "clip" && { sort }), ...(descending && { descending: "1" }) });
+    for (const [name, ends] of Object.entries(ranges)) shown.append("range", [name, ...ends.map((end) => (Number.isFinite(end) ? String(Number(end.toPrecision(6))) : ""))].join(":"));
     history.replaceState(null, "", `#/${shown.size ? `?${shown}` : ""}`);
   }
 
@@ -151,6 +156,16 @@ export class ClipsPage {
   }
 
   chosenClips() { return [...this.gallery.chosen].map((index) => this.table.clip[index]); }
+}
+
+// The filters that an address has; an end of a range that it does not state is open.
+function stated(query) {
+  const texts = Object.fromEntries(FACETS.filter((facet) => query.has(facet)).map((facet) => [facet, query.get(facet)]));
+  const ranges = Object.fromEntries(query.getAll("range").map((text) => {
+    const [name, low, high] = text.split(":");
+    return [name, [low ? Number(low) : -Infinity, high ? Number(high) : Infinity]];
+  }));
+  return { query: query.get("q") ?? "", texts, ranges, sort: query.get("sort") ?? "clip", descending: query.get("descending") === "1" };
 }
 
 function grouped(histograms) {

@@ -37,6 +37,15 @@ export class Gallery {
     this.render();
   }
 
+  // Scroll to where an earlier gallery was; for a gallery that the page has.
+  goTo(top) {
+    [this.width, this.height] = [this.element.clientWidth, this.element.clientHeight];
+    this.render();
+    this.element.scrollTop = top;
+    this.top = this.element.scrollTop;
+    this.render();
+  }
+
   schedule() {
     if (this.scheduled) return;
     this.scheduled = true;

@@ -20,35 +20,37 @@ async function clips() {
   return table;
 }
 
-async function show() {
+// `kept`: what the page of all clips had before the table was read again.
+async function show(kept) {
   const mine = (shown += 1);
   const [path, query = ""] = location.hash.replace(/^#/, "").split("?");
   const [, name = "", ...rest] = path.split("/");
-  const next = await attempt(() => made(name, rest.join("/"), new URLSearchParams(query)));
+  const next = await attempt(() => made(name, rest.join("/"), new URLSearchParams(query), kept));
   if (mine !== shown || !next) return;
   page?.leave();
   page = next;
   main.replaceChildren(...[next.element].flat());
+  if (kept) next.attached?.(kept);
   if (next.load) await attempt(() => next.load());
   for (const link of document.querySelectorAll("nav a[data-page]")) link.classList.toggle("here", link.dataset.page === (name || "clips"));
   document.body.dataset.shown = `${name || "clips"} ${mine}`;
 }
 
-async function made(name, rest, query) {
+async function made(name, rest, query, kept) {
   if (name === "clip") return new ClipPage(decodeURIComponent(rest));
   if (name === "databases") return new DatabasesPage();
   if (name === "proposals") return new ProposalsPage();
   if (name === "decisions") return new DecisionsPage();
   const found = await clips();
   if (!found.count) return { element: el("p", { class: "empty" }, "The graph has made no clips yet. Run: dagster asset materialize --select expert_db"), leave() {} };
-  return new ClipsPage(found, query);
+  return new ClipsPage(found, query, kept);
 }
 
-window.addEventListener("hashchange", show);
+window.addEventListener("hashchange", () => show());
 document.addEventListener("decisions-changed", () => {
   table = null;
   if (page?.load) attempt(() => page.load());
-  else show();
+  else show(page?.kept?.());
 });
 new RunState(() => {
   table = null;
