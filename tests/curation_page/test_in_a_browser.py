@@ -125,3 +125,18 @@ def test_the_address_keeps_ranges_and_a_decision_keeps_them_and_the_place(page, 
     assert page.page.text_content(".count") == count
     assert page.page.evaluate("document.querySelector('.grid').scrollTop") == 400
     assert page.complaints == []
+
+
+def test_playback_goes_on_as_it_was_when_a_decision_is_made(server):
+    with browser(server.url, reduced_motion="reduce") as page:
+        name(page)
+        go(page, clip(made.KEPT), ".timeline")
+        page.page.select_option("select[aria-label=speed]", "0.25")
+        page.page.fill("input[aria-label=time]", "1.5")
+        page.page.click("button.exclude")
+        page.page.fill("dialog input", "slides")
+        page.page.press("dialog input", "Enter")
+        page.page.wait_for_selector("text=excluded by Ada")
+        assert page.page.text_content(".controls button:has-text('play')") == "play"
+        assert page.page.input_value("input[aria-label=time]") == "1.5"
+        assert page.page.input_value("select[aria-label=speed]") == "0.25"

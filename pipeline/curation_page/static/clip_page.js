@@ -14,7 +14,9 @@ export class ClipPage {
     this.element = el("div", { class: "page" }, this.loading);
   }
 
-  async load() {
+  // `motions`: whether the motions are read again, too.
+  async load(motions = false) {
+    if (motions) this.motion = undefined;
     const name = encodeURIComponent(this.clip);
     const details = await getJson(`/api/clip?name=${name}`).catch((error) => { this.loading.remove(); throw error; });
     if (details.made) {
@@ -33,15 +35,17 @@ export class ClipPage {
 
   show(details) {
     if (this.left) return;
-    const time = this.player?.time ?? 0;
-    const playing = this.player?.playing;
-    this.player?.stop();
     this.timeline?.remove();
-    this.player = this.motion.length ? new Player(this.motion, (now) => this.timeline?.show(now)) : null;
+    this.timeline = null;
+    if (this.player?.figures !== this.motion) {
+      const before = this.player;
+      before?.stop();
+      this.player = this.motion.length ? new Player(this.motion, (now) => this.timeline?.show(now)) : null;
+      if (before) this.player?.takeOver(before);
+    }
     if (this.player) {
-      if (playing === false) this.player.toggle();
       this.timeline = new Timeline(details, this.motion, this.player.duration, (to) => this.player.seek(to));
-      this.player.seek(time);
+      this.player.show();
     }
     this.element.replaceChildren(
       el("h1", {}, details.clip),

@@ -46,6 +46,15 @@ export class Player {
 
   stop() { this.running = false; }
 
+  // Go on as another player of the same clip: time, speed and camera.
+  takeOver({ time, playing, turned, elevation, zoom, speed, follow }) {
+    Object.assign(this, { turned, elevation, zoom });
+    this.speed.value = speed.value;
+    this.follow.checked = follow.checked;
+    if (playing !== this.playing) this.toggle();
+    this.seek(time);
+  }
+
   toggle() {
     this.playing = !this.playing;
     this.play.textContent = this.playing ? "pause" : "play";
