@@ -59,7 +59,8 @@ def make_app(workplace: Workplace, token: str) -> Guard:
 
     def state(_: Mapping[str, Any]) -> dict[str, Any]:
         counts = {"made": making[0].made, "wanted": making[0].wanted} if making else {"made": 0, "wanted": 0}
-        return {"version": workplace.version(), "thumbnails": counts, **runs.state()}
+        versions = {"version": workplace.version(), "answers": workplace.answers_version()}
+        return {**versions, "thumbnails": counts, **runs.state()}
 
     reads = {
         "clip": lambda query: workplace.clip(_text(query, "name")),

@@ -1,7 +1,9 @@
 """What the server knows of a project: its table, read again when a manifest changed, thumbnails, decisions, runs."""
 
+import contextlib
 import json
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
@@ -30,6 +32,7 @@ from pipeline.curation_page.motion_sources import MotionSources
 from pipeline.curation_page.thumbnails import ThumbnailStore
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.feasibility import criteria_table
+from pipeline.feedback.approve import PROPOSAL_ASSET
 from pipeline.files import digest, settings
 from pipeline.project import Project
 from pipeline.selection.curation import Decision, decide, read_decisions, take_back
@@ -94,9 +97,13 @@ class Workplace:
 
     def version(self) -> str:
         """Changes whenever a manifest is written."""
-        paths = [self.store.manifest_path(asset_of(stage, self.robot_name)) for stage in STAGES]
-        stats = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in paths if path.is_file()]
-        return digest.of_json(stats)[:16]
+        return _version(self.store.manifest_path(asset_of(stage, self.robot_name)) for stage in STAGES)
+
+    def answers_version(self) -> str:
+        """Changes whenever a decision, a proposal or an answer to one is written, by whatever page or program."""
+        files = self.project.feedback
+        proposal = self.store.manifest_path(PROPOSAL_ASSET)
+        return _version((self.curation, proposal, files.approved, files.declined))
 
     def read(self) -> _Read:
         """The current table; read again if a manifest changed. Raises FileError."""
@@ -195,6 +202,16 @@ class Workplace:
     def compare(self, before: str, after: str) -> dict[str, Any]:
         """What came and left between two of them. Raises UnknownNameError, FileError."""
         return compare(self.database, before, after, self.read().table, self.decisions())
+
+
+def _version(paths: Iterable[Path]) -> str:
+    """Changes whenever one of some files is written, made or removed."""
+    found = []
+    for path in paths:
+        with contextlib.suppress(FileNotFoundError):
+            facts = path.stat()
+            found.append((path.name, facts.st_mtime_ns, facts.st_size))
+    return digest.of_json(found)[:16]
 
 
 class Runs:

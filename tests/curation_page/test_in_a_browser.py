@@ -140,3 +140,20 @@ def test_playback_goes_on_as_it_was_when_a_decision_is_made(server):
         assert page.page.text_content(".controls button:has-text('play')") == "play"
         assert page.page.input_value("input[aria-label=time]") == "1.5"
         assert page.page.input_value("select[aria-label=speed]") == "0.25"
+
+
+def test_what_another_tab_decides_is_shown_and_the_selection_stays(page, server, folder):
+    page.page.click(f"[aria-label='select {many(1)}']")
+    other = page.other_tab(server.url.partition("#")[0] + clip(many(0)))
+    other.page.click("button.exclude")
+    other.page.fill("dialog input", "slides")
+    other.page.press("dialog input", "Enter")
+    other.page.wait_for_selector("text=excluded by Ada")
+    page.page.wait_for_selector(".card .decision.exclude", timeout=8000)
+    assert page.page.text_content(".count").endswith("1 selected")
+    assert page.page.is_checked(f"[aria-label='select {many(1)}']")
+    page.page.click(f".card .name[title='{many(0)}']")
+    page.page.wait_for_selector("text=excluded by Ada")
+    other.page.click("text=undo")
+    page.page.wait_for_selector("text=no decision yet", timeout=8000)
+    assert page.complaints == other.complaints == []

@@ -22,10 +22,11 @@ export class ClipsPage {
       onOpen: (index) => { location.hash = `#/clip/${encodeURIComponent(table.clip[index])}`; },
     });
     this.element = this.built();
+    this.gallery.chosen = new Set((kept?.chosen ?? []).map((clip) => table.place.get(clip)).filter((index) => index !== undefined));
     this.update();
   }
 
-  kept() { return { state: this.state, top: this.gallery.top }; }
+  kept(selected) { return { state: this.state, top: this.gallery.top, chosen: selected ? this.chosenClips() : [] }; }
 
   attached({ top }) { this.gallery.goTo(top); }
 

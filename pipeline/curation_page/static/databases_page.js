@@ -10,16 +10,19 @@ export class DatabasesPage {
 
   leave() {}
 
-  async load() {
+  // `motions`: whether a run has ended, so that the newest databases are compared.
+  async load(motions = false) {
     const versions = await getJson("/api/databases");
     if (!versions.length) {
       this.element.replaceChildren(el("h1", {}, "Databases"), el("p", { class: "empty" }, "There is no database yet; materialize expert_db."));
       return;
     }
+    const still = (select) => (motions ? undefined : versions.find((each) => each.name === select?.value)?.name);
+    const [before, after] = [still(this.before) ?? versions[1]?.name ?? versions[0].name, still(this.after) ?? versions[0].name];
     const options = (wanted) => versions.map((each) => el("option", { value: each.name, selected: each.name === wanted }, `${each.name}: ${each.clips} clips, ${seconds(each.seconds)}`));
     const show = () => attempt(() => this.compare());
-    this.before = el("select", { name: "before", onchange: show }, options(versions[1]?.name ?? versions[0].name));
-    this.after = el("select", { name: "after", onchange: show }, options(versions[0].name));
+    this.before = el("select", { name: "before", onchange: show }, options(before));
+    this.after = el("select", { name: "after", onchange: show }, options(after));
     this.found = el("div");
     this.element.replaceChildren(el("h1", {}, "Databases"), el("div", { class: "controls" }, el("label", {}, "from ", this.before), el("label", {}, "to ", this.after)), this.found);
     await this.compare();

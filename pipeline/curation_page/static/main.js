@@ -47,13 +47,13 @@ async function made(name, rest, query, kept) {
 }
 
 window.addEventListener("hashchange", () => show());
-document.addEventListener("decisions-changed", () => {
-  table = null;
-  if (page?.load) attempt(() => page.load());
-  else show(page?.kept?.());
-});
-new RunState(() => {
-  table = null;
-  show();
-});
+document.addEventListener("decisions-changed", () => again(false));
+new RunState(() => again(true, true), () => again(true));
 show();
+
+// Show what is there now. What a person was at stays: filters, place, playback and, if `selected`, the selected clips.
+function again(selected, motions = false) {
+  table = null;
+  if (page?.load) attempt(() => page.load(motions));
+  else show(page?.kept?.(selected));
+}

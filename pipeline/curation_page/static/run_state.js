@@ -8,9 +8,10 @@ const thumbnails = document.getElementById("thumbnails");
 const dialog = document.getElementById("dialog");
 
 export class RunState {
-  constructor(onManifests) {
-    this.onManifests = onManifests;
-    this.version = null;
+  // `onManifests`: called when a run has changed the clips; `onAnswers`: when decisions or proposals changed, wherever.
+  constructor(onManifests, onAnswers) {
+    Object.assign(this, { onManifests, onAnswers });
+    [this.version, this.answers] = [null, null];
     document.addEventListener("run-started", () => this.poll());
     this.poll();
   }
@@ -28,7 +29,9 @@ export class RunState {
     thumbnails.textContent = made < wanted ? `thumbnails ${made} of ${wanted}` : "";
     if (this.atWork && !state.at_work) tell(state.status === 0 ? outcome(state.rerun) : `the run failed; its output tells why`, state.status !== 0);
     if (this.version !== null && state.version !== this.version && !state.at_work) this.onManifests();
+    else if (this.answers !== null && state.answers !== this.answers) this.onAnswers();
     if (!state.at_work) this.version = state.version;
+    this.answers = state.answers;
     this.atWork = state.at_work;
     place.dataset.status = state.at_work ? "at work" : state.status === null ? "" : state.status === 0 ? "done" : "failed";
     if (!state.run) { place.replaceChildren(); return; }
