@@ -157,3 +157,15 @@ def test_what_another_tab_decides_is_shown_and_the_selection_stays(page, server,
     other.page.click("text=undo")
     page.page.wait_for_selector("text=no decision yet", timeout=8000)
     assert page.complaints == other.complaints == []
+
+
+def test_an_address_with_a_new_token_opens_in_the_tab_that_shows_the_page_already(page, server, folder):
+    page.page.evaluate("localStorage.setItem('booster-lab-token', 'of an earlier start')")
+    page.page.goto(server.url)
+    page.until("!location.hash.includes('token')")
+    page.page.click(f"[aria-label='select {many(0)}']")
+    page.page.click(".bar button.accept")
+    page.page.fill("dialog input", "sound")
+    page.page.press("dialog input", "Enter")
+    page.page.wait_for_selector(".card .decision.accept")
+    assert [each["clip"] for each in decisions(folder)] == [many(0)]

@@ -3,11 +3,16 @@
 import { tell } from "./dom.js";
 
 const KEY = "booster-lab-token";
-const given = new URLSearchParams(location.hash.slice(1)).get("token");
-if (given) {
+
+// The address that the terminal showed may be opened where the page is open already: then only its fragment is new.
+function takeToken() {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (!given) return;
   localStorage.setItem(KEY, given);
   history.replaceState(null, "", "#/");
 }
+takeToken();
+window.addEventListener("hashchange", takeToken);
 
 async function answered(response) {
   if (response.ok) return response;
