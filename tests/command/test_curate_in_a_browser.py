@@ -221,6 +221,7 @@ def test_a_name_is_asked_for_and_a_bad_token_changes_nothing(page, checkout):
     page.page.click(".bar button.accept")
     page.page.fill("dialog input", "no")
     page.page.click("dialog .ok")
-    page.page.wait_for_selector("#message.error >> text=token")
+    page.page.wait_for_selector("dialog .rejected >> text=token")
+    page.page.click("dialog >> text=cancel")
     assert "decisions" not in yaml.safe_load((checkout.root / "data/curation.yaml").read_text())
     assert [each for each in page.complaints if "403" not in each] == []

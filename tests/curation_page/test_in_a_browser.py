@@ -169,3 +169,27 @@ def test_an_address_with_a_new_token_opens_in_the_tab_that_shows_the_page_alread
     page.page.press("dialog input", "Enter")
     page.page.wait_for_selector(".card .decision.accept")
     assert [each["clip"] for each in decisions(folder)] == [many(0)]
+
+
+def test_a_reason_that_could_not_be_written_stays_in_its_form(folder):
+    with served(folder) as first, browser(first.url) as page:
+        name(page)
+        go(page, clip(made.KEPT), ".timeline")
+        page.page.click("button.exclude")
+        page.page.click("dialog .ok")
+        page.page.wait_for_selector("dialog .rejected >> text=a decision needs a reason")
+        page.page.fill("dialog input", "its left foot slides")
+        first.stop()
+        page.page.wait_for_selector("#run >> text=the server has ended")
+        page.page.click("dialog .ok")
+        page.page.wait_for_selector("dialog .rejected >> text=the server does not answer")
+        assert page.page.input_value("dialog input") == "its left foot slides"
+        with served(folder, first.port) as second:
+            assert second.port == first.port
+            page.page.click("dialog .ok")
+            page.page.wait_for_selector("dialog .rejected >> text=token")
+            page.page.evaluate("hash => { location.hash = hash; }", second.url.partition("#")[2])
+            page.until("!location.hash.includes('token')")
+            page.page.click("dialog .ok")
+            page.page.wait_for_selector("dialog", state="hidden")
+            assert [each["why"] for each in decisions(folder)] == ["its left foot slides"]

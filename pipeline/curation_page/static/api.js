@@ -21,18 +21,24 @@ async function answered(response) {
   throw new Error(why);
 }
 
+async function asked(path, options) {
+  const response = await fetch(path, options).catch(() => {
+    throw new Error("the server does not answer; start `booster-lab curate` again and open the address that it shows");
+  });
+  return answered(response);
+}
+
 export async function getJson(path) {
-  return (await answered(await fetch(path))).json();
+  return (await asked(path)).json();
 }
 
 export async function getBytes(path) {
-  return (await answered(await fetch(path))).arrayBuffer();
+  return (await asked(path)).arrayBuffer();
 }
 
 export async function change(name, value = {}) {
   const headers = { "Content-Type": "application/json", "X-Booster-Lab-Token": localStorage.getItem(KEY) ?? "" };
-  const response = await fetch(`/api/${name}`, { method: "POST", headers, body: JSON.stringify(value) });
-  return (await (await answered(response)).json()).done;
+  return (await (await asked(`/api/${name}`, { method: "POST", headers, body: JSON.stringify(value) })).json()).done;
 }
 
 export async function attempt(work) {

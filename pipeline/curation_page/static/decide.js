@@ -5,22 +5,31 @@ import { el, tell } from "./dom.js";
 
 const dialog = document.getElementById("dialog");
 
-// Ask for the fields of a form; the values, or null if the person cancels.
-export function ask(title, fields, action) {
-  return new Promise((resolve) => {
-    const inputs = fields.map(({ label, options, value = "" }) => {
-      const input = options ? el("select", {}, options.map((each) => el("option", { value: each }, each))) : el("input", { value, maxLength: 400 });
-      return { input, element: el("label", {}, label, input) };
-    });
-    const done = (result) => { dialog.onclose = null; dialog.close(); resolve(result); };
-    const ok = el("button", { type: "button", class: "ok", onclick: () => done(inputs.map(({ input }) => input.value.trim())) }, action);
-    dialog.replaceChildren(el("h2", {}, title), ...inputs.map(({ element }) => element),
-      el("div", { class: "buttons" }, el("button", { type: "button", onclick: () => done(null) }, "cancel"), ok));
-    dialog.onclose = () => resolve(null);
-    dialog.onkeydown = (event) => { if (event.key === "Enter" && event.target.tagName === "INPUT") { event.preventDefault(); ok.click(); } };
-    dialog.showModal();
-    inputs[0]?.input.focus();
+// Ask for the fields of a form and do what they are for; it stays open, with all that was typed, until that has worked.
+// `work` gets the values and resolves to what is told then.
+function ask(title, fields, action, work) {
+  const inputs = fields.map(({ label, options }) => {
+    const input = options ? el("select", {}, options.map((each) => el("option", { value: each }, each))) : el("input", { maxLength: 400 });
+    return { input, element: el("label", {}, label, input) };
   });
+  const error = el("p", { class: "rejected", role: "alert" });
+  const ok = el("button", { type: "button", class: "ok", onclick: async () => {
+    ok.disabled = true;
+    error.textContent = "";
+    try {
+      const done = await work(...inputs.map(({ input }) => input.value.trim()));
+      if (ok.isConnected) dialog.close();
+      changed(done);
+    } catch (failure) {
+      error.textContent = failure.message;
+    }
+    ok.disabled = false;
+  } }, action);
+  dialog.replaceChildren(el("h2", { id: "asked" }, title), ...inputs.map(({ element }) => element), error,
+    el("div", { class: "buttons" }, el("button", { type: "button", onclick: () => dialog.close() }, "cancel"), ok));
+  dialog.onkeydown = (event) => { if (event.key === "Enter" && !event.isComposing && event.target.tagName === "INPUT") { event.preventDefault(); ok.click(); } };
+  dialog.showModal();
+  inputs[0]?.input.focus();
 }
 
 // Accept, exclude or take back decisions on clips. `names`: what else the decision may be about (window, recording).
@@ -33,13 +42,12 @@ export async function decide(clips, verdict, names = []) {
     }
     const by = person();
     const scope = names.length > 1 ? [{ label: "what the decision is about", options: names }] : [];
-    const answer = await ask(`${verdict} ${clips.length === 1 ? clips[0] : count(clips)}`, [{ label: "why" }, ...scope], verdict);
-    if (!answer) return;
-    const [why, what] = answer;
-    if (!why) throw new Error("a decision needs a reason");
-    const about = what ? [what] : clips;
-    await change("decide", { clips: about, verdict, by, why });
-    changed(`${count(about)}: ${verdict === "exclude" ? "excluded" : "accepted"}; written to data/curation.yaml`);
+    ask(`${verdict} ${count(clips)}`, [{ label: "why" }, ...scope], verdict, async (why, what) => {
+      if (!why) throw new Error("a decision needs a reason");
+      const about = what ? [what] : clips;
+      await change("decide", { clips: about, verdict, by, why });
+      return `${count(about)}: ${verdict === "exclude" ? "excluded" : "accepted"}; written to data/curation.yaml`;
+    });
   });
 }
 

@@ -44,8 +44,8 @@ export class RunState {
   async showLog() {
     const state = await getJson("/api/state");
     this.log = el("pre", { class: "log" }, state.lines.join("\n"));
-    dialog.onclose = null;
-    dialog.replaceChildren(el("h2", {}, "dagster asset materialize"), this.log, el("div", { class: "buttons" }, el("button", { onclick: () => dialog.close() }, "close")));
+    dialog.onkeydown = null;
+    dialog.replaceChildren(el("h2", { id: "asked" }, "dagster asset materialize"), this.log, el("div", { class: "buttons" }, el("button", { onclick: () => dialog.close() }, "close")));
     dialog.showModal();
     this.log.scrollTop = this.log.scrollHeight;
   }
