@@ -193,3 +193,28 @@ def test_a_reason_that_could_not_be_written_stays_in_its_form(folder):
             page.page.click("dialog .ok")
             page.page.wait_for_selector("dialog", state="hidden")
             assert [each["why"] for each in decisions(folder)] == ["its left foot slides"]
+
+
+def decide_all_shown(page: Browser, verdict: str) -> None:
+    page.page.click("text=select all shown")
+    page.page.click(f".bar button.{verdict}")
+    page.page.fill("dialog input", "watched")
+    page.page.press("dialog input", "Enter")
+    page.page.wait_for_selector("dialog", state="hidden")
+
+
+def test_undo_takes_back_the_decisions_of_the_selected_clips_that_have_one(page, folder):
+    go(page, "#/?q=clip0", ".card")
+    decide_all_shown(page, "accept")
+    page.page.wait_for_selector(".card .decision.accept")
+    go(page, "#/?q=many", ".card")
+    page.until(f"document.querySelector('.count').textContent.startsWith('{LATER} of')")
+    page.page.click("text=select all shown")
+    page.page.click("text=undo decision")
+    page.page.wait_for_selector("#message >> text=10 clips: the decision is taken back")
+    assert decisions(folder) == []
+    page.page.wait_for_selector(".card .decision", state="hidden")
+    page.page.click("text=select all shown")
+    page.page.click("text=undo decision")
+    page.page.wait_for_selector("#message.error >> text=none of the selected clips has a decision")
+    assert page.complaints == []

@@ -1,7 +1,7 @@
 // The page of all clips: filters and histograms on the left, the gallery, and what is done with chosen clips.
 
 import { decide, rerun, runAgain } from "./decide.js";
-import { el } from "./dom.js";
+import { el, tell } from "./dom.js";
 import { Gallery } from "./gallery.js";
 import { Histogram } from "./histogram.js";
 import { Thumbnails } from "./thumbnails.js";
@@ -153,7 +153,9 @@ export class ClipsPage {
   }
 
   decide(verdict) {
-    decide(this.chosenClips(), verdict);
+    if (verdict !== "take back") return decide(this.chosenClips(), verdict);
+    const decided = this.chosenClips().filter((clip) => this.table.text("decision", this.table.place.get(clip)));
+    return decided.length ? decide(decided, verdict) : tell("none of the selected clips has a decision of its own", true);
   }
 
   chosenClips() { return [...this.gallery.chosen].map((index) => this.table.clip[index]); }
