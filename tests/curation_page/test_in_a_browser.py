@@ -218,3 +218,16 @@ def test_undo_takes_back_the_decisions_of_the_selected_clips_that_have_one(page,
     page.page.click("text=undo decision")
     page.page.wait_for_selector("#message.error >> text=none of the selected clips has a decision")
     assert page.complaints == []
+
+
+def test_a_filter_that_no_clip_fulfils_any_more_is_shown(page):
+    go(page, "#/?q=clip0", ".card")
+    decide_all_shown(page, "accept")
+    go(page, "#/?decision=accept", ".card .decision.accept")
+    page.page.click("text=select all shown")
+    page.page.click("text=undo decision")
+    page.until("document.querySelector('.count').textContent.startsWith('0 of')")
+    page.until("document.querySelector('select[name=decision]')?.selectedOptions[0]?.textContent === 'accept (0)'")
+    page.page.select_option("select[name=decision]", "")
+    page.until("!document.querySelector('.count').textContent.startsWith('0 of')")
+    page.until("!location.hash.includes('decision')")

@@ -41,7 +41,7 @@ export class ClipsPage {
     const { table } = this;
     this.search = el("input", { type: "search", placeholder: "search names", value: this.state.query, "aria-label": "search names",
       oninput: () => { this.state.query = this.search.value; this.update(); } });
-    this.selects = FACETS.filter((facet) => table.texts[facet].names.some((name) => name)).map((facet) => {
+    this.selects = FACETS.filter((facet) => facet in this.state.texts || table.texts[facet].names.some((name) => name)).map((facet) => {
       const select = el("select", { name: facet, onchange: () => {
         if (select.value) this.state.texts[facet] = table.texts[facet].names[Number(select.value) - 1];
         else delete this.state.texts[facet];
@@ -129,6 +129,7 @@ export class ClipsPage {
   fillSelect(facet, select, indices) {
     const counts = this.table.countsOf(facet, indices);
     const wanted = this.state.texts[facet];
+    if (wanted !== undefined && !counts.some(([name]) => name === wanted)) counts.push([wanted, 0]);  // no clip has it any more
     select.replaceChildren(el("option", { value: "" }, "all"), ...counts
       .map(([name, count], place) => [name, count, place])
       .filter(([name, count]) => count || name === wanted)
