@@ -231,3 +231,34 @@ def test_a_filter_that_no_clip_fulfils_any_more_is_shown(page):
     page.page.select_option("select[name=decision]", "")
     page.until("!document.querySelector('.count').textContent.startsWith('0 of')")
     page.until("!location.hash.includes('decision')")
+
+
+RUN = """#!/bin/sh
+echo "augmented_motions: 3 clips, 2 known, 1 to work on"
+while test -e wait; do sleep 0.05; done
+"""
+
+
+@pytest.fixture
+def graph(page, folder, tmp_path, monkeypatch):
+    """`dagster` as a script that runs as long as the file that is given exists."""
+    script = tmp_path / "bin/dagster"
+    script.parent.mkdir()
+    script.write_text(RUN)
+    script.chmod(0o755)
+    monkeypatch.setattr("pipeline.curation_page.materialization.sys.executable", str(script.with_name("python")))
+    (folder / "wait").touch()
+    return folder / "wait"
+
+
+def test_buttons_of_a_run_stay_in_place_while_its_state_is_read_again(page, graph):
+    page.page.click("text=↻ materialize")
+    page.page.focus("#run button >> text=output")
+    page.page.evaluate("window.button = document.activeElement")
+    page.page.wait_for_selector("#run >> text=0 of 1 clips")
+    graph.unlink()
+    page.page.wait_for_selector("#run[data-status='done']")
+    assert page.page.evaluate("document.activeElement === window.button && window.button.isConnected")
+    page.page.keyboard.press("Enter")
+    page.page.wait_for_selector("dialog pre >> text=augmented_motions: 3 clips")
+    assert page.complaints == []

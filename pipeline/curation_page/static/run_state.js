@@ -12,6 +12,9 @@ export class RunState {
   constructor(onManifests, onAnswers) {
     Object.assign(this, { onManifests, onAnswers });
     [this.version, this.answers] = [null, null];
+    this.text = el("span", { class: "quiet" });
+    this.output = el("button", { onclick: () => attempt(() => this.showLog()) }, "output");
+    this.end = el("button", { onclick: () => attempt(() => change("stop")) }, "stop");
     document.addEventListener("run-started", () => this.poll());
     this.poll();
   }
@@ -35,9 +38,9 @@ export class RunState {
     this.atWork = state.at_work;
     place.dataset.status = state.at_work ? "at work" : state.status === null ? "" : state.status === 0 ? "done" : "failed";
     if (!state.run) { place.replaceChildren(); return; }
-    const log = el("button", { onclick: () => this.showLog() }, "output");
-    const stop = state.at_work ? el("button", { onclick: () => attempt(() => change("stop")) }, "stop") : "";
-    place.replaceChildren(el("span", { class: "quiet" }, sentence(state)), " ", log, stop);
+    this.text.textContent = sentence(state);
+    this.end.hidden = !state.at_work;
+    if (!this.output.isConnected) place.replaceChildren(this.text, " ", this.output, this.end);
     if (this.log?.isConnected) this.log.textContent = state.lines.join("\n");
   }
 
