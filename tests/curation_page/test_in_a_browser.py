@@ -262,3 +262,40 @@ def test_buttons_of_a_run_stay_in_place_while_its_state_is_read_again(page, grap
     page.page.keyboard.press("Enter")
     page.page.wait_for_selector("dialog pre >> text=augmented_motions: 3 clips")
     assert page.complaints == []
+
+
+LONG = f"many/{'n' * 200}@0-99~rollout"
+
+
+@pytest.fixture
+def long_name(folder):
+    """The name of a clip that is longer than any window is wide, and has no place to break."""
+    store = Store(root=folder / "data/store")
+    manifest = store.load("feasible_motions").at_hand()
+    row = made.judged(LONG, None, made.reason("foot_slip_p95", "feet slide"), foot_slip_p95=0.6)
+    store.save("feasible_motions", dataclasses.replace(manifest, judged=(*manifest.judged, row)))
+    return LONG
+
+
+def too_wide(page: Browser) -> list[str]:
+    """Elements whose content is wider than they are, where nothing scrolls it into view."""
+    script = """all => all.filter(each => each.scrollWidth > each.clientWidth + 1).map(each => each.tagName)"""
+    return page.page.eval_on_selector_all("html, body, header, nav, .page, dialog, #message", script)
+
+
+def test_long_names_and_narrow_windows_leave_nothing_outside(long_name, page, folder):
+    for width in (1360, 380):
+        page.page.set_viewport_size({"width": width, "height": 700})
+        go(page, clip(long_name), "h1")
+        page.page.wait_for_selector(".controls")
+        assert too_wide(page) == []
+        page.page.click("button.exclude")
+        page.page.fill("dialog input", "w" * 300)
+        assert too_wide(page) == []
+        page.page.click("dialog .ok")
+        page.page.wait_for_selector("text=excluded by Ada")
+        assert too_wide(page) == [], width
+        page.page.click("text=undo")
+        page.page.wait_for_selector("text=no decision yet")
+        go(page, "#/", ".card")
+        assert too_wide(page) == []
