@@ -299,3 +299,23 @@ def test_long_names_and_narrow_windows_leave_nothing_outside(long_name, page, fo
         page.page.wait_for_selector("text=no decision yet")
         go(page, "#/", ".card")
         assert too_wide(page) == []
+
+
+def test_the_tab_key_goes_from_clip_to_clip_and_the_focus_stays_on_its_clip(page):
+    focused = "document.activeElement.getAttribute('aria-label') ?? document.activeElement.textContent"
+    page.page.focus(f"[aria-label='select {made.CUT}']")
+    page.page.evaluate("document.querySelector('.grid').scrollTop = 900")
+    page.page.wait_for_selector(f".card .name[title='{many(24)}']")
+    assert page.page.evaluate(focused) == f"select {made.CUT}"
+    page.page.focus(".grid")
+    page.page.evaluate("document.querySelector('.grid').scrollTop = 500")
+    page.page.wait_for_selector(f".card .name[title='{made.CUT}']", state="detached")
+    page.page.wait_for_selector(f".card .name[title='{many(3)}']")
+    order, reached = shown(page), []
+    for _ in range(8):  # a box and a name each; the first scrolls its row into view, above which there are others then
+        page.page.keyboard.press("Tab")
+        page.page.wait_for_timeout(50)
+        page.page.keyboard.press("Tab")
+        page.page.wait_for_timeout(50)
+        reached.append(page.page.evaluate(focused))
+    assert reached == order[:8]

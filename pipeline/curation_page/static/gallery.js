@@ -20,6 +20,7 @@ export class Gallery {
       thumbnails.quietUntil = performance.now() + 150;
       this.schedule();
     });
+    this.element.addEventListener("focusout", () => this.schedule());  // a card that was kept for its focus is free now
     this.observer = new ResizeObserver(() => {
       [this.width, this.height] = [this.element.clientWidth, this.element.clientHeight];
       this.render();
@@ -61,8 +62,9 @@ export class Gallery {
     const last = Math.min(Math.ceil((top + this.height) / pitch) * columns, this.indices.length);
     for (const [place, card] of this.cards) {
       if (place >= first && place < last) continue;
+      if (card.index >= 0 && card.element.contains(document.activeElement)) continue;  // it must not become another clip's
       this.cards.delete(place);
-      card.element.hidden = true;
+      card.element.remove();
       this.free.push(card);
     }
     for (let place = first; place < last; place += 1) {
@@ -72,6 +74,7 @@ export class Gallery {
       card.element.classList.toggle("chosen", this.chosen.has(card.index));
       card.box.checked = this.chosen.has(card.index);
     }
+    this.inOrder();
     const key = [...this.cards.values()].map((card) => card.key).join();
     if (key !== this.shown) {
       this.shown = key;
@@ -79,9 +82,18 @@ export class Gallery {
     }
   }
 
+  // The elements follow one another as the clips do, for the Tab key. Only those that are new are put in their places: moving
+  // the one that has the focus would take it away.
+  inOrder() {
+    let next = null;
+    for (const [, { element }] of [...this.cards].sort(([one], [two]) => two - one)) {
+      if (element.parentNode !== this.element) this.element.insertBefore(element, next);
+      next = element;
+    }
+  }
+
   taken(place) {
     const card = this.free.pop() ?? this.made();
-    card.element.hidden = false;
     this.cards.set(place, card);
     return card;
   }
@@ -97,7 +109,6 @@ export class Gallery {
     card.decision = el("span", { class: "decision" });
     card.element = el("div", { class: "card", role: "listitem" }, card.canvas, card.box, card.decision, card.name,
       el("div", { class: "facts" }, card.verdict, card.skill, card.value));
-    this.element.append(card.element);
     return card;
   }
 
