@@ -319,3 +319,22 @@ def test_the_tab_key_goes_from_clip_to_clip_and_the_focus_stays_on_its_clip(page
         page.page.wait_for_timeout(50)
         reached.append(page.page.evaluate(focused))
     assert reached == order[:8]
+
+
+def test_the_way_back_from_a_clip_leads_to_the_same_place_and_selection(page):
+    go(page, "#/?q=many", ".card")
+    page.page.click(f"[aria-label='select {many(2)}']")
+    page.page.evaluate("document.querySelector('.grid').scrollTop = 700")
+    page.page.click(f".card .name[title='{many(20)}']")
+    page.page.wait_for_selector("h1")
+    page.page.go_back()
+    page.page.wait_for_selector(f".card .name[title='{many(20)}']")
+    assert page.page.evaluate("document.querySelector('.grid').scrollTop") == 700
+    assert page.page.text_content(".count") == f"{LATER} of 45 clips, 1 selected"
+    go(page, "#/", ".card")
+    assert page.page.text_content(".count") == "45 of 45 clips"
+    page.page.fill("input[type=search]", "clip0")
+    page.until("location.hash.includes('clip0')")
+    page.page.click("nav >> text=Clips")
+    page.until("document.querySelector('.count').textContent === '45 of 45 clips'")
+    assert page.complaints == []

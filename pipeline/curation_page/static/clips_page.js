@@ -15,7 +15,7 @@ export class ClipsPage {
   // `kept`: what this page had before the table was read again.
   constructor(table, query, kept) {
     this.table = table;
-    this.state = kept?.state ?? stated(query);
+    this.state = kept ? structuredClone(kept.state) : stated(query);
     this.thumbnails = new Thumbnails();
     this.gallery = new Gallery(table, this.thumbnails, {
       onChosen: () => this.showCounts(),
@@ -139,11 +139,14 @@ export class ClipsPage {
   // The address shows the filters, so that a view can be kept as a bookmark and linked. It is left alone where a click has
   // led to another page already, whose own event comes a moment later.
   remember() {
-    if (!/^(#\/?)?(\?|$)/.test(location.hash)) return;
+    if (/^(#\/?)?(\?|$)/.test(location.hash)) history.replaceState(null, "", this.address);
+  }
+
+  get address() {
     const { query, texts, ranges, sort, descending } = this.state;
     const shown = new URLSearchParams({ ...(query && { q: query }), ...texts, ...(sort !== "clip" && { sort }), ...(descending && { descending: "1" }) });
     for (const [name, ends] of Object.entries(ranges)) shown.append("range", [name, ...ends.map((end) => (Number.isFinite(end) ? String(Number(end.toPrecision(6))) : ""))].join(":"));
-    history.replaceState(null, "", `#/${shown.size ? `?${shown}` : ""}`);
+    return `#/${shown.size ? `?${shown}` : ""}`;
   }
 
   showCounts() {

@@ -11,6 +11,7 @@ import { RunState } from "./run_state.js";
 import { ClipTable } from "./table.js";
 
 const main = document.getElementById("main");
+const places = new Map();  // address of a view of all clips -> what it had when it was left, for the way back
 let page = null;
 let table = null;
 let shown = 0;
@@ -21,16 +22,17 @@ async function clips() {
 }
 
 // `kept`: what the page of all clips had before the table was read again.
-async function show(kept) {
+async function show(kept = places.get(location.hash)) {
   const mine = (shown += 1);
   const [path, query = ""] = location.hash.replace(/^#/, "").split("?");
   const [, name = "", ...rest] = path.split("/");
   const next = await attempt(() => made(name, rest.join("/"), new URLSearchParams(query), kept));
   if (mine !== shown || !next) return;
+  if (page?.kept) places.set(page.address, page.kept(true));
   page?.leave();
   page = next;
   main.replaceChildren(...[next.element].flat());
-  if (kept) next.attached?.(kept);
+  if (kept && next.attached) next.attached(kept);
   if (next.load) await attempt(() => next.load());
   for (const link of document.querySelectorAll("nav a[data-page]")) link.classList.toggle("here", link.dataset.page === (name || "clips"));
   document.body.dataset.shown = `${name || "clips"} ${mine}`;
