@@ -338,3 +338,29 @@ def test_the_way_back_from_a_clip_leads_to_the_same_place_and_selection(page):
     page.page.click("nav >> text=Clips")
     page.until("document.querySelector('.count').textContent === '45 of 45 clips'")
     assert page.complaints == []
+
+
+def test_the_keyboard_alone_decides_and_goes_on_where_it_was(page, folder):
+    go(page, clip(made.KEPT), ".timeline")
+    page.page.focus("button.exclude")
+    for key in ("Enter", "x", "Enter"):
+        page.page.keyboard.press(key)
+    page.page.wait_for_selector("text=excluded by Ada")
+    page.until("document.activeElement.matches('button.exclude')")
+    for key in ("Enter", "y", "Escape"):
+        page.page.keyboard.press(key)
+    page.until("document.activeElement.matches('button.exclude')")
+    assert [each["why"] for each in decisions(folder)] == ["x"]
+    page.page.focus("button >> text=undo")
+    page.page.keyboard.press("Enter")
+    page.page.wait_for_selector("text=no decision yet")
+    page.until("document.activeElement.matches('main')")
+    page.page.keyboard.press("Tab")
+    assert page.page.evaluate("document.activeElement.className") == "accept"
+    go(page, "#/?q=clip0", ".card")
+    page.page.focus("input[type=search]")
+    page.page.evaluate("document.dispatchEvent(new CustomEvent('decisions-changed'))")
+    page.page.wait_for_timeout(500)
+    page.page.keyboard.type("3")
+    page.until("document.querySelector('.count').textContent.startsWith('1 of')")
+    assert page.page.input_value("input[type=search]") == "clip03"

@@ -53,9 +53,18 @@ document.addEventListener("decisions-changed", () => again(false));
 new RunState(() => again(true, true), () => again(true));
 show();
 
-// Show what is there now. What a person was at stays: filters, place, playback and, if `selected`, the selected clips.
-function again(selected, motions = false) {
+// Show what is there now. What a person was at stays: filters, place, playback, the focus and, if `selected`, the selected clips.
+async function again(selected, motions = false) {
   table = null;
-  if (page?.load) attempt(() => page.load(motions));
-  else show(page?.kept?.(selected));
+  const focused = main.contains(document.activeElement) ? document.activeElement : null;
+  if (page?.load) await attempt(() => page.load(motions));
+  else await show(page?.kept?.(selected));
+  if (focused && !focused.isConnected && document.activeElement === document.body) sameControl(focused).focus({ preventScroll: true });
+}
+
+// The control that has taken the place of another one; of one that is gone, the page itself.
+function sameControl(gone) {
+  const name = (each) => `${each.className} ${each.name ?? ""} ${each.getAttribute("aria-label") ?? each.textContent}`;
+  const found = [...main.querySelectorAll(gone.tagName)].find((each) => !each.disabled && name(each) === name(gone));
+  return found ?? main;
 }
