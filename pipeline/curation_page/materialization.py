@@ -43,6 +43,7 @@ class Materialization:
         self._stage: dict[str, Any] = {}
         self._started_s = 0.0
         self._runs = 0
+        self._stopped = False
 
     def start(self, *assets: str, again: Sequence[str] = ()) -> None:
         """Start the run that makes some assets. Raises PipelineError when one is at work already.
@@ -61,6 +62,7 @@ class Materialization:
                 environment[AGAIN_VARIABLE] = str(listed)
             self._lines.clear()
             self._stage = {}
+            self._stopped = False
             self._started_s = time.monotonic()
             self._runs += 1
             self._process = subprocess.Popen(
@@ -80,15 +82,17 @@ class Materialization:
         with self._lock:
             if self._process is not None and self._process.poll() is None:
                 os.killpg(self._process.pid, signal.SIGTERM)
+                self._stopped = True
 
     def state(self) -> dict[str, Any]:
-        """Whether a run is at work, how the last one ended, its stage with progress, and its last lines."""
+        """Whether a run is at work, how the last one ended (`stopped`: by a person), its stage and its last lines."""
         process = self._process
         status = process.poll() if process is not None else None
         return {
             "run": self._runs,
             "at_work": process is not None and status is None,
             "status": status,
+            "stopped": self._stopped,
             "seconds": round(time.monotonic() - self._started_s, 1) if process is not None and status is None else None,
             "stage": dict(self._stage),
             "lines": list(self._lines),

@@ -364,3 +364,16 @@ def test_the_keyboard_alone_decides_and_goes_on_where_it_was(page, folder):
     page.page.keyboard.type("3")
     page.until("document.querySelector('.count').textContent.startsWith('1 of')")
     assert page.page.input_value("input[type=search]") == "clip03"
+
+
+def test_a_run_that_a_person_stops_is_not_called_a_failure(page, graph):
+    page.page.click("text=↻ materialize")
+    page.page.wait_for_selector("#run >> text=0 of 1 clips")
+    page.page.click("#run button >> text=stop")
+    page.page.wait_for_selector("#message >> text=the run was stopped")
+    page.page.wait_for_selector("#run[data-status='stopped'] >> text=the run was stopped")
+    assert page.page.is_hidden("#run button >> text=stop")
+    graph.unlink()
+    page.page.click("text=↻ materialize")
+    page.page.wait_for_selector("#run[data-status='done']")
+    assert page.complaints == []

@@ -7,6 +7,8 @@ const place = document.getElementById("run");
 const thumbnails = document.getElementById("thumbnails");
 const dialog = document.getElementById("dialog");
 
+const STOPPED = "the run was stopped";
+
 export class RunState {
   // `onManifests`: called when a run has changed the clips; `onAnswers`: when decisions or proposals changed, wherever.
   constructor(onManifests, onAnswers) {
@@ -30,13 +32,15 @@ export class RunState {
   show(state) {
     const { made, wanted } = state.thumbnails;
     thumbnails.textContent = made < wanted ? `thumbnails ${made} of ${wanted}` : "";
-    if (this.atWork && !state.at_work) tell(state.status === 0 ? outcome(state.rerun) : `the run failed; its output tells why`, state.status !== 0);
+    if (this.atWork && !state.at_work && state.run) {
+      tell(state.status === 0 ? outcome(state.rerun) : state.stopped ? STOPPED : "the run failed; its output tells why", state.status !== 0);
+    }
     if (this.version !== null && state.version !== this.version && !state.at_work) this.onManifests();
     else if (this.answers !== null && state.answers !== this.answers) this.onAnswers();
     if (!state.at_work) this.version = state.version;
     this.answers = state.answers;
     this.atWork = state.at_work;
-    place.dataset.status = state.at_work ? "at work" : state.status === null ? "" : state.status === 0 ? "done" : "failed";
+    place.dataset.status = state.at_work ? "at work" : state.status === null ? "" : state.status === 0 ? "done" : state.stopped ? "stopped" : "failed";
     if (!state.run) { place.replaceChildren(); return; }
     this.text.textContent = sentence(state);
     this.end.hidden = !state.at_work;
@@ -65,8 +69,8 @@ function outcome(rerun, named = true) {
   return `re-run of ${rerun.clips}: ${parts.join("; ")}`;
 }
 
-function sentence({ at_work: atWork, status, seconds, stage, rerun }) {
-  if (!atWork) return status === 0 ? outcome(rerun, false) : "the run failed";
+function sentence({ at_work: atWork, status, stopped, seconds, stage, rerun }) {
+  if (!atWork) return status === 0 ? outcome(rerun, false) : stopped ? STOPPED : "the run failed";
   const clips = stage.of ? `, ${stage.done} of ${stage.of} clips` : "";
   const left = stage.left_s !== undefined ? `, about ${stage.left_s} s left` : "";
   return `${rerun ? `re-run of ${rerun.clips}: ` : ""}${stage.name ?? "starting"}${clips}${left} (${Math.round(seconds)} s)`;
