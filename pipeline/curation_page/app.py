@@ -20,7 +20,7 @@ from starlette.staticfiles import StaticFiles
 
 from pipeline import loopback
 from pipeline.curation_page.clip_details import proposals
-from pipeline.curation_page.clip_table import NoClipError, asset_of
+from pipeline.curation_page.clip_table import DATABASE, NoClipError, asset_of
 from pipeline.curation_page.guard import Guard
 from pipeline.curation_page.thumbnail_process import ThumbnailProcess
 from pipeline.curation_page.workplace import Runs, Workplace
@@ -59,8 +59,9 @@ def make_app(workplace: Workplace, token: str) -> Guard:
 
     def state(_: Mapping[str, Any]) -> dict[str, Any]:
         counts = {"made": making[0].made, "wanted": making[0].wanted} if making else {"made": 0, "wanted": 0}
+        database = asset_of(DATABASE, workplace.robot_name)
         versions = {"version": workplace.version(), "answers": workplace.answers_version()}
-        return {**versions, "thumbnails": counts, **runs.state()}
+        return {"database": database, **versions, "thumbnails": counts, **runs.state()}
 
     reads = {
         "clip": lambda query: workplace.clip(_text(query, "name")),

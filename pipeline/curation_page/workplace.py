@@ -129,6 +129,7 @@ class Workplace:
         found = {
             "version": now.version,
             "robot": self.robot_name,
+            "database": asset_of(DATABASE, self.robot_name),
             "thumbnail": keys,
             **columns(now.table, now.thresholds, decisions),
         }

@@ -1,6 +1,7 @@
 """The curator's page in a headless Chromium, on a small project that no run has to make."""
 
 import dataclasses
+import shutil
 from pathlib import Path
 from urllib.parse import quote
 
@@ -377,3 +378,12 @@ def test_a_run_that_a_person_stops_is_not_called_a_failure(page, graph):
     page.page.click("text=↻ materialize")
     page.page.wait_for_selector("#run[data-status='done']")
     assert page.complaints == []
+
+
+def test_the_page_of_another_robot_names_and_links_its_own_assets(root, folder):
+    shutil.copytree(root / "robots/k1", folder / "robots/k1", ignore=shutil.ignore_patterns("policies"))
+    shutil.rmtree(folder / "data/store")
+    with served(folder, robot="k1") as server, browser(server.url) as page:
+        page.page.wait_for_selector("text=dagster asset materialize --select k1/expert_db")
+        page.until("document.querySelector('#dagster').href.endsWith('/assets/k1/expert_db')")
+        assert page.complaints == []

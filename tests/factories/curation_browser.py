@@ -41,9 +41,9 @@ def curation_server(checkout: Checkout) -> Iterator[str]:
 
 
 @contextmanager
-def served(folder: Path, port: int = 0) -> Iterator[CurationServer]:
+def served(folder: Path, port: int = 0, robot: str = "t1") -> Iterator[CurationServer]:
     """The curator's page of a project, served by a thread of this process."""
-    server = CurationServer(folder, "t1", port)
+    server = CurationServer(folder, robot, port)
     thread = threading.Thread(target=server.run)
     thread.start()
     try:

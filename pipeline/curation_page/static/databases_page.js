@@ -14,7 +14,7 @@ export class DatabasesPage {
   async load(motions = false) {
     const versions = await getJson("/api/databases");
     if (!versions.length) {
-      this.element.replaceChildren(el("h1", {}, "Databases"), el("p", { class: "empty" }, "There is no database yet; materialize expert_db."));
+      this.element.replaceChildren(el("h1", {}, "Databases"), el("p", { class: "empty" }, "There is no database of this robot yet; materialize it."));
       return;
     }
     const still = (select) => (motions ? undefined : versions.find((each) => each.name === select?.value)?.name);

@@ -44,7 +44,7 @@ async function made(name, rest, query, kept) {
   if (name === "proposals") return new ProposalsPage();
   if (name === "decisions") return new DecisionsPage();
   const found = await clips();
-  if (!found.count) return { element: el("p", { class: "empty" }, "The graph has made no clips yet. Run: dagster asset materialize --select expert_db"), leave() {} };
+  if (!found.count) return { element: el("p", { class: "empty" }, `The graph has made no clips yet. Run: dagster asset materialize --select ${found.database}`), leave() {} };
   return new ClipsPage(found, query, kept);
 }
 

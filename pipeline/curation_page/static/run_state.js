@@ -5,6 +5,7 @@ import { el, tell } from "./dom.js";
 
 const place = document.getElementById("run");
 const thumbnails = document.getElementById("thumbnails");
+const dagster = document.getElementById("dagster");
 const dialog = document.getElementById("dialog");
 
 const STOPPED = "the run was stopped";
@@ -30,6 +31,7 @@ export class RunState {
   }
 
   show(state) {
+    dagster.href = `http://127.0.0.1:3000/assets/${state.database}`;
     const { made, wanted } = state.thumbnails;
     thumbnails.textContent = made < wanted ? `thumbnails ${made} of ${wanted}` : "";
     if (this.atWork && !state.at_work && state.run) {

@@ -4,6 +4,7 @@ export class ClipTable {
   constructor(columns) {
     this.version = columns.version;
     this.robot = columns.robot;
+    this.database = columns.database;
     this.clip = columns.clip;
     this.lower = columns.clip.map((name) => name.toLowerCase());
     this.thumbnail = columns.thumbnail;
