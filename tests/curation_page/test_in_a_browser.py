@@ -22,8 +22,7 @@ def folder(root, robot, tmp_path):
     store = Store(root=folder / "data/store")
     manifest = store.load("feasible_motions").at_hand()
     slip = made.reason("foot_slip_p95", "feet slide", start_s=1.0, stop_s=1.5)
-    rows = [made.judged(many(place), None, slip, foot_slip_p95=0.9 - place / 100)
-            for place in range(LATER)]
+    rows = [made.judged(many(place), None, slip, foot_slip_p95=0.9 - place / 100) for place in range(LATER)]
     store.save("feasible_motions", dataclasses.replace(manifest, judged=(*manifest.judged, *rows)))
     return folder
 
@@ -387,3 +386,14 @@ def test_the_page_of_another_robot_names_and_links_its_own_assets(root, folder):
         page.page.wait_for_selector("text=dagster asset materialize --select k1/expert_db")
         page.until("document.querySelector('#dagster').href.endsWith('/assets/k1/expert_db')")
         assert page.complaints == []
+
+
+def test_numbers_of_frames_are_shown_with_all_their_digits(folder, page):
+    store = Store(root=folder / "data/store")
+    manifest = store.load("feasible_motions").at_hand()
+    row = made.judged("many/late@12345-67891~rollout", None, start_frame=12345, stop_frame=67892, path_error_m=0.123456)
+    store.save("feasible_motions", dataclasses.replace(manifest, judged=(*manifest.judged, row)))
+    go(page, clip(row.clip), "summary >> text=all figures")
+    page.page.click("summary >> text=all figures")
+    figures = page.page.text_content("details:last-of-type")
+    assert "start_frame12345" in figures and "stop_frame67892" in figures and "path_error_m0.1235" in figures

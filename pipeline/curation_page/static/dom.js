@@ -20,9 +20,10 @@ export function table(header, rows, numeric = []) {
     el("tbody", {}, rows.map((row) => el("tr", {}, row.map((cell, place) => el("td", { class: kind(place) }, cell ?? ""))))));
 }
 
+// A measured number with a few digits; a whole one, such as a frame's, with all of its digits.
 export function number(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  return String(Number(value.toPrecision(digits)));
+  return String(Number.isInteger(value) ? value : Number(value.toPrecision(digits)));
 }
 
 export function seconds(value) {
