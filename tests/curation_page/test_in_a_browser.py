@@ -397,3 +397,12 @@ def test_numbers_of_frames_are_shown_with_all_their_digits(folder, page):
     page.page.click("summary >> text=all figures")
     figures = page.page.text_content("details:last-of-type")
     assert "start_frame12345" in figures and "stop_frame67892" in figures and "path_error_m0.1235" in figures
+
+
+def test_a_clip_whose_length_is_unknown_has_a_dash_in_its_place(page):
+    go(page, "#/?q=many", ".card")
+    page.until(f"document.querySelector('.count').textContent.startsWith('{LATER} of')")
+    lengths = page.page.eval_on_selector_all(".card .value", "all => all.map(each => each.textContent)")
+    assert set(lengths) == {"–"}
+    go(page, clip(made.KEPT), ".timeline")
+    assert "3.00 s" in page.page.text_content(".page")

@@ -27,6 +27,7 @@ export function number(value, digits = 3) {
 }
 
 export function seconds(value) {
+  if (!Number.isFinite(value)) return "–";
   return `${Number(value).toFixed(Math.abs(value) < 100 ? 2 : 0)} s`;
 }
 
