@@ -31,8 +31,6 @@ class Rollout:
     """What was wanted at each control step."""
     target: Float[np.ndarray, "k j"]
     """Joint targets of each control step, in the robot's order [rad]."""
-    action: Float[np.ndarray, "k a"]
-    """What the network gave, in its order."""
     fell_s: float | None
     """Time of the first fall [s]."""
     start_s: float = 0.0
@@ -74,17 +72,17 @@ class Record:
         self.torque, self.foot_wrench_w = np.empty((count, joints)), np.empty((count, 2, 6))
         self.qacc: np.ndarray | None = None
         self.command, self.target = np.empty((ticks, 3)), np.empty((ticks, joints))
-        self.action: list[np.ndarray] = []
-        self.steps = 0
+        self.steps = self.ticks = 0
         self.fall_tick: int | None = None
 
     @property
     def fell(self) -> bool:
         return self.fall_tick is not None
 
-    def control(self, tick: int, command: np.ndarray, target: np.ndarray, action: np.ndarray) -> None:
-        self.command[tick - self.first], self.target[tick - self.first] = command, target
-        self.action.append(action)
+    def control(self, tick: int, command: np.ndarray, target: np.ndarray) -> None:
+        tick -= self.first
+        self.command[tick], self.target[tick] = command, target
+        self.ticks = tick + 1
 
     def step(
         self, step: int, state: PlantState, torque: np.ndarray, wrench: np.ndarray, acceleration: np.ndarray | None
@@ -102,7 +100,7 @@ class Record:
 
     def rollout(self, robot: Robot, timestep_s: float) -> Rollout:
         """What was recorded so far."""
-        n, k = self.steps, len(self.action)
+        n, k = self.steps, self.ticks
         steps = {name: getattr(self, name)[:n] for name in ("qpos", "qvel", "torque", "foot_wrench_w")}
         fell_s = None if self.fall_tick is None else (self.fall_tick + 1) * self.decimation * timestep_s
         return Rollout(
@@ -111,7 +109,6 @@ class Record:
             **steps,
             command=self.command[:k],
             target=self.target[:k],
-            action=np.array(self.action),
             fell_s=fell_s,
             start_s=self.first * self.decimation * timestep_s,
             qacc=None if self.qacc is None else self.qacc[:n],

@@ -67,7 +67,6 @@ class Controller(Protocol):
     """`PolicyController`, or a replacement."""
 
     task: DeploymentTask
-    last_action: np.ndarray
 
     def reset(self) -> None: ...
 
@@ -137,7 +136,7 @@ def run(
         wanted = command(tick * decimation * plant.timestep_s)
         reading = sensors.read(state)
         target = controller.targets(reading, wanted)
-        record.control(tick, wanted, target, controller.last_action)
+        record.control(tick, wanted, target)
         for step in range(tick * decimation, (tick + 1) * decimation):
             pending.append(target)
             applied = pending.popleft()

@@ -89,7 +89,6 @@ class ScriptedController:
         self.reset()
 
     def reset(self) -> None:
-        self.last_action: Float[np.ndarray, " a"] = np.zeros(len(self.task.policy_joints))
         self._tick = 0
 
     def targets(self, reading: Reading, command: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " j"]:

@@ -39,7 +39,6 @@ class FallGuard:
 
     def reset(self) -> None:
         self.inner.reset()
-        self.last_action: Float[np.ndarray, " a"] = self.inner.last_action
         self.fallen = False
 
     def targets(self, reading: Reading, command: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " j"]:
@@ -47,9 +46,7 @@ class FallGuard:
         self.fallen = self.fallen or float(reading.gravity_b[2]) > -FALL_TILT_COS
         if self.fallen:
             return np.array(reading.joint_pos)
-        targets = self.inner.targets(reading, command)
-        self.last_action = self.inner.last_action
-        return targets
+        return self.inner.targets(reading, command)
 
 
 TIMESTEP_S = 0.002

@@ -38,7 +38,6 @@ class Follower:
 
     def reset(self) -> None:
         self._frame = 0
-        self.last_action = np.zeros(len(self.task.policy_joints))
 
     def targets(self, reading: Reading, command: np.ndarray) -> np.ndarray:
         target = self._reference.joint_pos[min(self._frame, self._reference.frame_count - 1)]

@@ -42,7 +42,6 @@ def gliding_rollout(
         foot_wrench_w=wrench,
         command=np.tile(velocity, (count // 10, 1)),
         target=np.tile(robot.default_joint_pos, (count // 10, 1)),
-        action=np.zeros((count // 10, 21)),
         fell_s=fell_s,
     )
 

@@ -41,7 +41,6 @@ def test_a_robot_that_leans_turns_as_fast_as_its_heading_and_not_as_its_trunks_a
         foot_wrench_w=np.zeros((count, 2, 6)),
         command=np.zeros((ticks, 3)),
         target=np.zeros((ticks, joints)),
-        action=np.zeros((ticks, 1)),
         fell_s=None,
     )
     assert qvel[0, 5] == pytest.approx(rate * np.cos(lean))

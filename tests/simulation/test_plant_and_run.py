@@ -136,7 +136,7 @@ def test_the_record_has_the_state_that_each_torque_acts_at(robot: Robot):
         expected = motors.torque(stood.target[step // 10], stood.qpos[step, 7:], stood.qvel[step, 6:])
         np.testing.assert_array_equal(stood.torque[step], expected)
     assert stood.control_steps == 10
-    assert len(stood.command) == len(stood.action) == 10
+    assert len(stood.command) == len(stood.target) == 10
     assert stood.qacc is not None
     # Euler with no joint damping: the next velocity is this one plus acceleration times the step
     np.testing.assert_allclose(stood.qvel[1:, 6:], (stood.qvel + 0.002 * stood.qacc)[:-1, 6:], atol=1e-9)
@@ -164,7 +164,7 @@ class _Told:
     """A controller that remembers what it was told."""
 
     def __init__(self, task: DeploymentTask):
-        self.task, self.told, self.last_action = task, [], np.zeros(21)
+        self.task, self.told = task, []
 
     def reset(self) -> None:
         self.told = []

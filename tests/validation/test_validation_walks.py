@@ -125,10 +125,10 @@ def test_pushes_that_share_the_way_there_have_the_bits_of_whole_walks(still: Dep
         short = dataclasses.replace(trial, events=(event,), seconds=event.start_s + 0.3, measure_s=event.start_s)
         part, whole = branches.walk(short), walk(worlds, short)
         assert event.start_s - 0.02 < part.start_s <= event.start_s + 1e-9
-        assert np.abs(part.action[0]).max() > 0.0
+        assert np.abs(part.target[0] - moved.task.default_joint_pos).max() > 0.0
         np.testing.assert_array_equal(part.qpos, whole.qpos[-len(part.qpos) :])
         np.testing.assert_array_equal(part.foot_wrench_w[5:], whole.foot_wrench_w[-len(part.qpos) + 5 :])
-        np.testing.assert_array_equal(part.action, whole.action[-len(part.action) :])
+        np.testing.assert_array_equal(part.target, whole.target[-len(part.target) :])
         assert part.fell_s == whole.fell_s
         assert numbers_of(part, short, moved.envelope) == numbers_of(whole, short, moved.envelope)
 

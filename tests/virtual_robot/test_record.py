@@ -42,7 +42,6 @@ def _rollout(robot, seconds=3.0, speed=0.5, tilt=None):
         foot_wrench_w=np.zeros((count, 2, 6)),
         command=np.tile([speed, 0.0, 0.0], (ticks, 1)),
         target=np.tile(robot.default_joint_pos, (ticks, 1)),
-        action=np.zeros((ticks, len(robot.controlled))),
         fell_s=None,
         qacc=np.zeros((count, 6 + joints)),
     )
