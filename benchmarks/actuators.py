@@ -70,7 +70,7 @@ def draw(sag: float, sweep: Sweep, draws: int, seed: list[int], values: Actuator
         curve = Curve(knee_speed=rng.uniform(5.0, 20.0), knee_torque=rng.uniform(5.0, 60.0), sag=sag)
         speed, torque = sample(curve, sweep, rng)
         measurement = Measurement(
-            motor="", speed=speed, torque=torque, forward=np.ones(len(speed), dtype=bool), about={}, notes=()
+            speed=speed, torque=torque, forward=np.ones(len(speed), dtype=bool), about={}, notes=()
         )
         measurement, fit = fit_sweep(measurement, values.knee)
         found, truth = (fit.knee_speed, fit.knee_torque), (curve.knee_speed, curve.knee_torque)

@@ -48,7 +48,6 @@ _HEADER = re.compile(r"\s*([A-Za-z_ ]+?)\s*(?:[\[(]\s*(.+?)\s*[\])])?\s*")
 class Measurement:
     """N points of one motor's driving torque over speed, at the joint, sorted by speed."""
 
-    motor: str
     speed: Float[np.ndarray, " n"]
     """[rad/s], 0 or more, at the joint."""
     torque: Float[np.ndarray, " n"]
@@ -129,9 +128,7 @@ def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettin
     _refuse_implausible(speed, torque, file, settings)
     order = np.lexsort((torque, speed, ~forward))
     order = order[np.argsort(speed[order], kind="stable")]
-    return Measurement(
-        motor=motor.name, speed=speed[order], torque=torque[order], forward=forward[order], about=about, notes=notes
-    )
+    return Measurement(speed=speed[order], torque=torque[order], forward=forward[order], about=about, notes=notes)
 
 
 def _split(text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:

@@ -37,8 +37,6 @@ class Ingested:
 
     trials: tuple[IngestedTrial, ...]
     integrity: str
-    sentence: str
-    """What was read and lost."""
     notes: tuple[str, ...]
     messages: int
 
@@ -118,9 +116,7 @@ def _read(
         IngestedTrial(name=each, path=where, numbers=_numbers(head, trial))
         for each, where, head, trial in zip(names, paths, heads, files.trials, strict=True)
     )
-    return Ingested(
-        trials=trials, integrity=report.integrity, sentence=report.sentence(), notes=notes, messages=report.total
-    )
+    return Ingested(trials=trials, integrity=report.integrity, notes=notes, messages=report.total)
 
 
 def _facts(source: McapReader | BagReader, report: LogReport, sidecar: Path | None) -> StatedFacts:

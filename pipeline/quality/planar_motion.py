@@ -77,10 +77,8 @@ class PlanarMotion:
     """Velocity of the root along the facing [m/s]."""
     lateral: Float[np.ndarray, " t"]
     """Velocity of the root to the left of the facing [m/s]."""
-    yaw: Float[np.ndarray, " t"]
-    """Facing about the world's z, unwrapped [rad]."""
     yaw_rate: Float[np.ndarray, " t"]
-    """[rad/s], left is positive."""
+    """Of the facing about the world's z [rad/s], left is positive."""
     recorded: Bool[np.ndarray, " t"]
     """Frames in which root and facing were recorded."""
     valid: Bool[np.ndarray, " t"]
@@ -122,7 +120,6 @@ def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: floa
     return PlanarMotion(
         forward=cos * velocity_w[:, 0] + sin * velocity_w[:, 1],
         lateral=cos * velocity_w[:, 1] - sin * velocity_w[:, 0],
-        yaw=yaw,
         yaw_rate=yaw_rate,
         recorded=recorded,
         valid=valid,

@@ -14,7 +14,6 @@ import numpy as np
 
 from pipeline.learning.robot_facts import RobotFacts, read_head, read_robot_facts
 from pipeline.learning.training_error import TrainingError
-from pipeline.tracking.task import CONTROL_HZ
 
 SCHEMA = "booster-lab tracking bundle 1"
 CONFIG = "config.json"
@@ -34,10 +33,6 @@ class Motions:
     """(t, 4) wxyz."""
     joint_pos: np.ndarray
     """(t, j) in the robot's order [rad]."""
-
-    @property
-    def seconds(self) -> float:
-        return len(self.root_pos_w) / CONTROL_HZ
 
 
 @dataclass(frozen=True, kw_only=True)
