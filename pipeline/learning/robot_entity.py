@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import mujoco
 import torch
-from mjlab.actuator import DcMotorActuator, DcMotorActuatorCfg, IdealPdActuatorCfg
+from mjlab.actuator import DcMotorActuator, DcMotorActuatorCfg
 from mjlab.actuator.actuator import ActuatorCmd
 from mjlab.entity import EntityArticulationInfoCfg, EntityCfg
 from mjlab.utils.spec_config import CollisionCfg
@@ -38,11 +38,8 @@ class LineMotorCfg(DcMotorActuatorCfg):
         return LineMotor(self, entity, target_ids, target_names)
 
 
-def robot_entity(robot: RobotFacts, motors: str = "line") -> EntityCfg:
-    """The robot with its motors; joints that the policy doesn't move have the same kind of motor.
-
-    `motors` is `line` (torque falls with speed along the torque-speed line) or `box` (constant torque limit).
-    """
+def robot_entity(robot: RobotFacts) -> EntityCfg:
+    """The robot with its motors; joints that the policy doesn't move have the same kind of motor."""
     return EntityCfg(
         spec_fn=lambda: mujoco.MjSpec.from_string(robot.mjcf),
         init_state=EntityCfg.InitialStateCfg(
@@ -53,28 +50,27 @@ def robot_entity(robot: RobotFacts, motors: str = "line") -> EntityCfg:
         ),
         collisions=(_collisions(robot),),
         articulation=EntityArticulationInfoCfg(
-            actuators=tuple(_motor(robot, joint, motors) for joint in range(len(robot.joint_names)))
+            actuators=tuple(_motor(robot, joint) for joint in range(len(robot.joint_names)))
         ),
         sort_actuators=True,
     )
 
 
-def _motor(robot: RobotFacts, joint: int, motors: str) -> IdealPdActuatorCfg:
-    """A joint's motor: position control behind its torque limit, or behind its torque-speed line."""
-    common = {
-        "target_names_expr": (f"^{robot.joint_names[joint]}$",),
-        "stiffness": float(robot.kp[joint]),
-        "damping": float(robot.kd[joint]),
-        "effort_limit": float(robot.effort_limit[joint]),
-    }
+def _motor(robot: RobotFacts, joint: int) -> LineMotorCfg:
+    """A joint's motor: position control behind its torque limit and its torque-speed line."""
     no_load = float(robot.no_load_speed[joint])
-    if motors == "box":
-        return IdealPdActuatorCfg(**common)
     if math.isnan(no_load):  # the same kind of motor, so that all of them stay one batch: a line no joint reaches
         no_load, stall = 1e6, 1e3 * float(robot.effort_limit[joint])
     else:
         stall = float(robot.saturation_effort[joint])
-    return LineMotorCfg(**common, saturation_effort=stall, velocity_limit=no_load)
+    return LineMotorCfg(
+        target_names_expr=(f"^{robot.joint_names[joint]}$",),
+        stiffness=float(robot.kp[joint]),
+        damping=float(robot.kd[joint]),
+        effort_limit=float(robot.effort_limit[joint]),
+        saturation_effort=stall,
+        velocity_limit=no_load,
+    )
 
 
 def _collisions(robot: RobotFacts) -> CollisionCfg:

@@ -100,9 +100,9 @@ def chosen_device(name: str) -> str:
     return name
 
 
-def pairs(texts: Sequence[str], of: str = "--set") -> dict[str, str]:
+def pairs(texts: Sequence[str]) -> dict[str, str]:
     """Texts NAME=VALUE by name. Raises TrainingError for another form."""
     for text in texts:
         if "=" not in text:
-            raise TrainingError(f"{of} is '{text}'; it must be NAME=VALUE.")
+            raise TrainingError(f"--set is '{text}'; it must be NAME=VALUE.")
     return dict(text.split("=", 1) for text in texts)
