@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from pipeline.clips.codec import UNIT_TOLERANCE
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert import index, manifest
 from pipeline.files import digest
@@ -22,7 +23,6 @@ LOOP_MODES = ("Clamp", "Wrap")
 QUATERNION = slice(3, 7)
 STAGES = "stages"
 """The index's longest texts, which hardly differ from clip to clip: each is kept once."""
-UNIT_TOLERANCE = 1e-6
 
 
 class DatabaseError(PipelineError):

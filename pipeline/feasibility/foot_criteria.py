@@ -26,8 +26,7 @@ from pipeline.files.ranges import SHARE
 from pipeline.files.sourced import Unit
 from pipeline.quality.retargeting import percentile_of_least
 from pipeline.quality.sole import inner_contacts
-
-SIDES = ("left", "right")
+from pipeline.robot.description import SIDES
 
 NO_LABELS = "no contact labels"
 LABELLED = "contacts are labelled"

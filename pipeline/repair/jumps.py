@@ -12,9 +12,8 @@ from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import TOES, BodyMask, FrameMask, Orientations, Positions
-from pipeline.repair.unsteadiness import Seen, limits, slow_rate, turn_limits
+from pipeline.repair.unsteadiness import USUAL_PERCENTILE, Seen, limits, slow_rate, turn_limits
 
-USUAL_PERCENTILE = 95.0
 SLOW_SPREAD = 10.0
 """At low rates a limit rises with the rate only as far as this many times what is usual for the body."""
 AT_THE_ENDS = 2.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.repair_quality import f1
 from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
 from pipeline.repair import RepairSettings, process
@@ -14,12 +15,6 @@ from tests.factories.human_clips import Gait, standing, walker
 @pytest.fixture(scope="module")
 def settings(root) -> RepairSettings:
     return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
-
-
-def f1(found: np.ndarray, true: np.ndarray) -> float:
-    """F1 score frame by frame, without tolerance."""
-    hit = np.sum(found & true)
-    return float(2 * hit / (2 * hit + np.sum(found != true)))
 
 
 @pytest.mark.parametrize("name", ["walk", "run_easy", "back", "side_left", "turn_left", "start_stop"])

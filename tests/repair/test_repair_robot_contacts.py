@@ -7,17 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.repair_quality import f1
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.repair.robot_motion import label_robot_contacts
 from tests.factories.policy_walks import policy_walk
 
 COMMANDS = [(0.6, 0.0, 0.0), (1.2, 0.0, 0.8), (-0.5, 0.0, 0.0)]
-
-
-def f1(found: np.ndarray, true: np.ndarray) -> float:
-    """F1 score frame by frame, without tolerance."""
-    hit = np.sum(found & true)
-    return float(2 * hit / (2 * hit + np.sum(found != true)))
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from pipeline.validation.limit_cycle_walks import (
     trial_series,
     walk_series,
 )
-from pipeline.validation.limit_cycles import PLANES, LimitCycleSettings, compare, limit_cycle
+from pipeline.validation.limit_cycles import PLANES, LimitCycle, LimitCycleSettings, compare, limit_cycle
 from pipeline.viewing.validation_plots import limit_cycle_plots
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 from tests.factories.networks import network
@@ -171,29 +172,30 @@ def test_the_published_policy_walks_alike_in_both_engines(robot, policies, setti
     assert limit_cycle_plots([found]) == limit_cycle_plots([found])
 
 
-def test_a_robot_on_half_its_period_gives_reasons(robot, settings):
-    """The bars bite: the same legs at another cadence and stroke."""
-    from pipeline.validation.limit_cycle_walks import _reasons
+@pytest.fixture
+def cycle(robot, settings) -> Callable[[str, float], LimitCycle]:
+    """The limit cycle of a walk under a name, of one period [s]."""
 
-    def cycle(name, period_s):
+    def made(name: str, period_s: float) -> LimitCycle:
         trial = walking_log(robot, period_s=period_s)
         span = steady_span(trial, 0.6, settings)
         assert span is not None
         return limit_cycle(trial_series(trial, span, "left", name, robot))
+
+    return made
+
+
+def test_a_robot_on_half_its_period_gives_reasons(cycle):
+    """The bars bite: the same legs at another cadence and stroke."""
+    from pipeline.validation.limit_cycle_walks import _reasons
 
     reasons = _reasons(compare(cycle("MuJoCo left", 0.8), cycle("DART left", 0.4)), BARS)
     assert reasons == ["DART left against MuJoCo left: difference of periods 0.500, asked is at most 0.06 share"]
 
 
-def test_bars_of_a_speed_are_the_references_worst_and_another_gait_is_not_required(robot, settings, root):
+def test_bars_of_a_speed_are_the_references_worst_and_another_gait_is_not_required(cycle, root):
     """Legs of made-up walks: one 2 % slower, one at half the period."""
     rules = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
-
-    def cycle(name, period_s):
-        trial = walking_log(robot, period_s=period_s)
-        span = steady_span(trial, 0.6, settings)
-        assert span is not None
-        return limit_cycle(trial_series(trial, span, "left", name, robot))
 
     def bars_of(period_s):
         compared = compare(cycle("MuJoCo left", 0.8), cycle("DART left", period_s))

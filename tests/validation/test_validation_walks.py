@@ -11,7 +11,6 @@ from pipeline.deployment import Policy, deployment_task, load_policy
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.terrain import FlatGround, Slope
-from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cells import TERRAINS, Cell, condition_cells, terrain_cells
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.figures import measure, numbers_of
@@ -23,15 +22,6 @@ from tests.factories.policies import random_policy, still_policy
 from tests.factories.policy_walks import anchor
 
 STAND = CommandProfile(commands=(VelocityCommand(),))
-
-
-@pytest.fixture
-def still(robot: Robot) -> Deployed:
-    """A robot held in its default pose."""
-    task = deployment_task(robot)
-    return Deployed(
-        robot=robot, task=task, policy=still_policy(task), envelope=TorqueEnvelope(limit=robot.torque_limit)
-    )
 
 
 @pytest.fixture(scope="module")
