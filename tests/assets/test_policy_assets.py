@@ -42,7 +42,7 @@ def project(tmp_path, root, monkeypatch):
     return project
 
 
-def ship(project, robot, name="walk"):
+def ship(project, robot):
     """A policy that ships with the robot."""
     source = Source(
         policy=network_file(project.root / "shipped.npz", robot, seed=1),
@@ -50,7 +50,7 @@ def ship(project, robot, name="walk"):
         data={"digest": "d0", "licence": FREE},
     )
     folder = project.shipped_policies("t1") / "walk"
-    return export_policy(folder, name, robot, source, np.random.default_rng(0), shippable=True, compact=True)
+    return export_policy(folder, "walk", robot, source, np.random.default_rng(0), shippable=True, compact=True)
 
 
 RUN = {"preset": "paper", "seed": 3, "commit": "abc", "command": "python -m pipeline.training --seed 3"}

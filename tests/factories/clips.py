@@ -7,13 +7,13 @@ from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.clips.robot_clip import RobotClip
 
 
-def human_clip(frames: int = 5, fps: float = 60.0, name: str = "test/human") -> HumanClip:
+def human_clip(frames: int = 5, name: str = "test/human") -> HumanClip:
     """Positions are 100 x frame + body + axis / 10, orientations a slow turn."""
     frame, body, axis = np.meshgrid(np.arange(frames), np.arange(len(BODIES)), np.arange(3), indexing="ij")
     quat = np.repeat(rotation.about_z(0.01 * np.arange(frames))[:, None], len(BODIES), axis=1)
     contacts = np.stack([np.arange(frames) % 2 == 0, np.arange(frames) % 3 == 0], axis=1)
     return HumanClip(
-        name=name, fps=fps, body_pos_w=100.0 * frame + body + axis / 10.0, body_quat_w=quat, contacts=contacts
+        name=name, fps=60.0, body_pos_w=100.0 * frame + body + axis / 10.0, body_quat_w=quat, contacts=contacts
     )
 
 

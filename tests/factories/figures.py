@@ -30,10 +30,10 @@ STANDING: dict[str, tuple[float, float, float]] = {
 """A person who stands upright and looks along +x [m]."""
 
 
-def gliding_human(frame_count: int = 61, fps: float = 30.0, speed: float = 0.5) -> HumanClip:
-    """A standing person pushed along +x at `speed` [m/s]; the left foot is called on the ground in even frames."""
+def gliding_human(frame_count: int = 61, fps: float = 30.0) -> HumanClip:
+    """A standing person pushed along +x at 0.5 m/s; the left foot is called on the ground in even frames."""
     pos = np.tile(np.array([STANDING[name] for name in BODIES]), (frame_count, 1, 1))
-    pos[:, :, 0] += (speed * np.arange(frame_count) / fps)[:, None]
+    pos[:, :, 0] += (0.5 * np.arange(frame_count) / fps)[:, None]
     quat = np.zeros((frame_count, len(BODIES), 4))
     quat[..., 0] = 1.0
     even = np.arange(frame_count) % 2 == 0
@@ -41,14 +41,14 @@ def gliding_human(frame_count: int = 61, fps: float = 30.0, speed: float = 0.5) 
     return HumanClip(name="made/glide", fps=fps, body_pos_w=pos, body_quat_w=quat, contacts=contacts)
 
 
-def tumbling_robot(robot: Robot, frame_count: int = 101, fps: float = 50.0) -> RobotClip:
+def tumbling_robot(robot: Robot, frame_count: int = 101) -> RobotClip:
     """Poses all over the joints' ranges, the root turned and moved differently in every frame."""
     random = np.random.default_rng(7)
     share = random.uniform(0.0, 1.0, (frame_count, len(robot.joint_names)))
     quat = random.normal(size=(frame_count, 4))
     return RobotClip(
         name="made/tumble",
-        fps=fps,
+        fps=50.0,
         robot=robot.name,
         joint_names=robot.joint_names,
         root_pos_w=random.uniform(-1.0, 1.0, (frame_count, 3)) + np.array([0.0, 0.0, 1.0]),

@@ -26,10 +26,10 @@ def spoilt(name: str) -> str:
 
 
 @functools.cache
-def steady(gait: str, forward: float, fps: float = 60.0) -> Generated:
+def steady(gait: str, forward: float) -> Generated:
     """Three seconds at one speed."""
     levels = (Level(hold_s=3.0, forward=forward),)
-    return generate(Recipe(name="steady", what="", levels=levels, seed=0, gait=gait, fps=fps))
+    return generate(Recipe(name="steady", what="", levels=levels, seed=0, gait=gait))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,13 +41,13 @@ def gliding_person(legs: Sequence[Leg], fps: float = 60.0, name: str = "test/gli
     return HumanClip(name=name, fps=fps, body_pos_w=pos, body_quat_w=quat)
 
 
-def gliding_robot(legs: Sequence[Leg], fps: float = 50.0, name: str = "test/robot") -> RobotClip:
+def gliding_robot(legs: Sequence[Leg]) -> RobotClip:
     """A robot whose root is carried along the legs."""
-    place, yaw = path(legs, fps)
+    place, yaw = path(legs, 50.0)
     height = np.full((len(place), 1), 0.6)
     return RobotClip(
-        name=name,
-        fps=fps,
+        name="test/robot",
+        fps=50.0,
         robot="t1",
         joint_names=("hip", "knee"),
         root_pos_w=np.concatenate([place, height], axis=1),

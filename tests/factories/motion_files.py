@@ -152,10 +152,10 @@ def _hierarchy(name: str, depth: int, style: BvhStyle) -> list[str]:
     return [*lines, f"{pad}}}"]
 
 
-def smpl_npz(path: Path, *, frames: int = 20, columns: int = 72, poses: np.ndarray | None = None, **extra) -> Path:
+def smpl_npz(path: Path, *, frames: int = 20, poses: np.ndarray | None = None, **extra) -> Path:
     """An AMASS-style archive, z up: standing in the T-pose, walking along -y, which is where z of the model points."""
     if poses is None:
-        poses = np.zeros((frames, columns))
+        poses = np.zeros((frames, 72))
         poses[:, 0] = np.pi / 2  # the model's y up becomes z up
     trans = np.stack([np.zeros(len(poses)), -0.02 * np.arange(len(poses)), np.full(len(poses), 0.95)], axis=1)
     arrays = {"poses": poses, "trans": trans, "betas": np.zeros(10), "mocap_framerate": 30, **extra}

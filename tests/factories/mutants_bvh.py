@@ -25,17 +25,17 @@ def with_rows(rows: list[str], frames: int | None = None, time: str = "0.0166667
     return f"{HEAD}MOTION\n" + "\n".join(lines) + "\n"
 
 
-def with_head(pattern: str, replacement: str, count: int = 1) -> str:
+def with_head(pattern: str, replacement: str) -> str:
     """The clean file with a part of its hierarchy replaced."""
-    changed = re.sub(pattern, replacement, HEAD, count=count)
+    changed = re.sub(pattern, replacement, HEAD, count=1)
     assert changed != HEAD, pattern
     return f"{changed}MOTION\n{BODY}"
 
 
-def with_word(word: str, row: int = 40, column: int = 20) -> str:
+def with_word(word: str) -> str:
     """One number written in another way."""
     rows = [line.split() for line in ROWS]
-    rows[row][column] = word
+    rows[40][20] = word
     return with_rows([" ".join(line) for line in rows])
 
 

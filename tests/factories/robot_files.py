@@ -18,9 +18,9 @@ def truth():
     return root, quat, joints
 
 
-def csv_rows(order="xyzw"):
+def csv_rows():
     root, quat, joints = truth()
-    return np.concatenate([root, quat[:, ["wxyz".index(letter) for letter in order]], joints], axis=1)
+    return np.concatenate([root, quat[:, [1, 2, 3, 0]], joints], axis=1)
 
 
 def write_csv(path, rows, header=None, comment=""):
@@ -29,12 +29,12 @@ def write_csv(path, rows, header=None, comment=""):
     return path
 
 
-def assert_truth(clip, atol=1e-12):
+def assert_truth(clip):
     root, quat, joints = truth()
     assert (clip.robot, clip.joint_names) == ("t1", ROBOT.joint_names)
-    np.testing.assert_allclose(clip.root_pos_w, root, atol=atol)
-    np.testing.assert_allclose(clip.root_quat_w, quat, atol=atol)
-    np.testing.assert_allclose(clip.joint_pos, joints, atol=atol)
+    np.testing.assert_allclose(clip.root_pos_w, root, atol=1e-12)
+    np.testing.assert_allclose(clip.root_quat_w, quat, atol=1e-12)
+    np.testing.assert_allclose(clip.joint_pos, joints, atol=1e-12)
 
 
 def npz(path, **change):

@@ -10,20 +10,21 @@ from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 
 FPS, STEPS = 50.0, 4
 """Rate of the clip [Hz] and physics steps in each of its frames."""
+SETTLE_S = 0.5
+"""Time before the first frame, in which the soles come to rest on the ground."""
 
 
 def simulated_standing(
-    robot: Robot, seconds: float = 2.0, push_w: tuple[float, float, float] = (0.0, 0.0, 0.0), settle_s: float = 0.5
+    robot: Robot, seconds: float = 2.0, push_w: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> RobotClip:
     """The default pose held by PD control with stiff ankles.
 
     Args:
         push_w: constant force on the root link [N], from the first frame on
-        settle_s: time before the first frame, in which the soles come to rest on the ground [s]
     """
     plant = MujocoPlant(robot, MujocoOptions(timestep_s=1.0 / FPS / STEPS))
     stiff = np.array([4.0 if "Ankle" in name else 1.0 for name in robot.joint_names])
-    frames, settling = round(seconds * FPS), round(settle_s * FPS)
+    frames, settling = round(seconds * FPS), round(SETTLE_S * FPS)
     root, quat, joints, torques, wrenches = [], [], [], [], []
     for frame in range(settling + frames):
         state = plant.state()

@@ -34,9 +34,9 @@ def failure(kind: str = "fall", **more: Any) -> Failure:
     return Failure(kind=kind, **{**said, **more})
 
 
-def saturated(given: float, joint: str = "Left_Knee_Pitch") -> Failure:
+def saturated(given: float) -> Failure:
     """A knee that gave `given` of its 60 N m."""
-    return failure("torque_saturation", joint=joint, evidence={"given_n_m": given, "limit_n_m": 60.0})
+    return failure("torque_saturation", joint="Left_Knee_Pitch", evidence={"given_n_m": given, "limit_n_m": 60.0})
 
 
 def report(number: int, *failures: Failure, **more: Any) -> TrialReport:

@@ -76,7 +76,7 @@ class ControllerCfg:
 
 
 @contextmanager
-def vendor_modules(robot: Robot, name: str = "T1_23DOF_CFG") -> Iterator[dict[str, Any]]:
+def vendor_modules(robot: Robot) -> Iterator[dict[str, Any]]:
     """The vendor's modules while the context lasts; what was registered, by task name."""
     registered: dict[str, Any] = {}
     vendor = RobotCfg(
@@ -92,7 +92,7 @@ def vendor_modules(robot: Robot, name: str = "T1_23DOF_CFG") -> Iterator[dict[st
             "MujocoControllerCfg": MujocoControllerCfg,
             "VelocityCommandCfg": VelocityCommandCfg,
         },
-        "booster_deploy.robots.booster": {name: vendor},
+        "booster_deploy.robots.booster": {"T1_23DOF_CFG": vendor},
         "booster_deploy.utils.isaaclab.configclass": {"configclass": configclass},
         "booster_deploy.utils.registry": {"register_task": registered.__setitem__},
         "tasks.locomotion.locomotion": {"LocomotionPolicyCfg": LocomotionPolicyCfg},

@@ -14,14 +14,14 @@ KNEE = "Left_Knee_Pitch"
 END_S = 99.0
 
 
-def _with_torque(trial, robot, given, swing=0.4, seed=0):
+def _with_torque(trial, robot, given, swing=0.4):
     """The trial with a knee whose targets swing by so many rad and that gives what `given` makes of what is asked."""
     knee = robot.joint(KNEE)
     swings = swing * np.sin(2.0 * np.pi * 1.2 * trial.time_s)
     target, torque = trial.target_pos.copy(), trial.torque_est.copy()
     target[:, knee] = trial.joint_pos[:, knee] + swings
     asked = trial.kp[:, knee] * swings - trial.kd[:, knee] * trial.joint_vel[:, knee]
-    noise = np.random.default_rng(seed).normal(0.0, 0.3, len(asked))
+    noise = np.random.default_rng(0).normal(0.0, 0.3, len(asked))
     torque[:, knee] = given(np.nan_to_num(asked)) + noise
     return dataclasses.replace(trial, target_pos=target, torque_est=torque)
 

@@ -24,7 +24,7 @@ def walking(frames=60, knee_deg=50.0):
     return poses
 
 
-def on_pfnns_figure(text, metres_per_unit=0.0254 / 0.45):
+def on_pfnns_figure(text):
     """A BVH in CMU's names whose left thigh has the rest offset that identifies the figure of PFNN."""
     lines = text.split("\n")
     at = next(index for index, line in enumerate(lines) if line.endswith("LeftLeg"))

@@ -25,8 +25,8 @@ from tests.factories import robot_files as robots
 FRAMES = 20
 
 
-def smpl_arrays(columns=72):
-    poses = np.zeros((FRAMES, columns))
+def smpl_arrays():
+    poses = np.zeros((FRAMES, 72))
     poses[:, 0] = np.pi / 2
     poses[:, 3:12] = 0.1 * np.sin(np.arange(FRAMES)[:, None] + np.arange(9))
     trans = np.stack([np.zeros(FRAMES), -0.02 * np.arange(FRAMES), np.full(FRAMES, 0.95)], axis=1)

@@ -27,8 +27,8 @@ def refuse(tmp_path, text, match, line=None, error=FileError):
     return caught.value
 
 
-def line_of(text, needle):
-    return next(number for number, line in enumerate(text.split("\n"), start=1) if needle in line)
+def line_of(needle):
+    return next(number for number, line in enumerate(GOOD.split("\n"), start=1) if needle in line)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_a_damaged_header_is_refused_with_its_line(tmp_path, old, new, match):
 
 @pytest.mark.parametrize("rows", [0, 3])
 def test_frames_that_are_missing_are_told_with_the_line_that_declares_them(tmp_path, rows):
-    head, number = GOOD.split("\n")[:-5], line_of(GOOD, "Frames: 4")
+    head, number = GOOD.split("\n")[:-5], line_of("Frames: 4")
     text = "\n".join([*head, *ROWS[:rows]]).replace("Frames: 4", f"Frames: {4 if rows else 0}")
     refuse(tmp_path, text, "the file holds 3" if rows else "no frames", line=number)
 
@@ -79,7 +79,7 @@ def test_more_numbers_than_allowed_are_refused_before_they_are_read(tmp_path):
 
 def test_a_row_that_was_cut_off_is_refused_with_its_line(tmp_path):
     text = GOOD.rstrip("\n")[: -len(ROWS[-1]) // 2]
-    refuse(tmp_path, text, "It is the last row: the file was cut off", line=line_of(GOOD, ROWS[-1]))
+    refuse(tmp_path, text, "It is the last row: the file was cut off", line=line_of(ROWS[-1]))
 
 
 def test_a_row_that_is_too_long_is_refused_with_its_line(tmp_path):
@@ -87,7 +87,7 @@ def test_a_row_that_is_too_long_is_refused_with_its_line(tmp_path):
         tmp_path,
         GOOD.replace(ROWS[1], ROWS[1] + " 1.0"),
         "the row has 67 numbers, wanted 66",
-        line=line_of(GOOD, ROWS[1]),
+        line=line_of(ROWS[1]),
     )
 
 
@@ -126,7 +126,7 @@ def test_a_file_without_a_frame_time_is_read_at_the_stated_rate(tmp_path, line):
 
 def test_what_is_not_a_number_is_refused_with_its_line(tmp_path):
     bad = ROWS[2].replace(ROWS[2].split()[5], "abc", 1)
-    refuse(tmp_path, GOOD.replace(ROWS[2], bad), "not a number: 'abc'", line=line_of(GOOD, ROWS[2]))
+    refuse(tmp_path, GOOD.replace(ROWS[2], bad), "not a number: 'abc'", line=line_of(ROWS[2]))
 
 
 def test_decimal_commas_are_refused_with_advice(tmp_path):

@@ -27,9 +27,9 @@ def settings(root) -> RepairSettings:
     return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
-def bending(frames: int = 420) -> np.ndarray:
+def bending() -> np.ndarray:
     """Angle (t, 1) of a joint that rests at 0 for a while in every period and bends by half a radian between."""
-    phase = np.arange(frames) % PERIOD
+    phase = np.arange(420) % PERIOD
     bend = 0.25 * (1.0 - np.cos(2 * np.pi * (phase - REST) / (PERIOD - REST)))
     return np.where(phase < REST, 0.0, bend)[:, None]
 

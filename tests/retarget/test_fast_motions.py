@@ -32,9 +32,9 @@ UP = np.array([0.0, 0.0, 1.0])
 LEFT_W = np.tile([0.0, 1.0, 0.0], (100, 1))
 
 
-def leaning(angle: np.ndarray, yaw: float = 0.3) -> np.ndarray:
+def leaning(angle: np.ndarray) -> np.ndarray:
     return rotation.multiply(
-        rotation.about_z(np.full(len(angle), yaw)), rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), angle)
+        rotation.about_z(np.full(len(angle), 0.3)), rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), angle)
     )
 
 

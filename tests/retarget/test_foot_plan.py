@@ -111,8 +111,8 @@ def test_percentiles_are_numpys_to_the_bit(count, percent):
     np.testing.assert_array_equal(foot_plan.percentile(values, percent), np.percentile(values, percent, axis=0))
 
 
-def feet_apart(lateral: float, frames: int = 30) -> np.ndarray:
-    feet = np.zeros((2, frames, 5))
+def feet_apart(lateral: float) -> np.ndarray:
+    feet = np.zeros((2, 30, 5))
     feet[0, :, 1], feet[1, :, 1] = lateral / 2, -lateral / 2
     return feet
 

@@ -49,9 +49,9 @@ BARS = CellBars(
 )
 
 
-def walking_log(robot, *, speed=0.6, seconds=20.0, period_s=0.8, changed=None):
+def walking_log(robot, *, speed=0.6, period_s=0.8, changed=None):
     """A log of a robot that stands 2 s, then swings its legs at a command; `changed` edits its arrays."""
-    count = round(seconds * RATE_HZ)
+    count = round(20.0 * RATE_HZ)
     time_s = np.arange(count) / RATE_HZ
     walks = (time_s >= 2.0).astype(float)
     phase = 2.0 * math.pi * time_s / period_s

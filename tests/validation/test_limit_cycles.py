@@ -30,23 +30,23 @@ def series(hip, knee, hip_vel=None, knee_vel=None, rate_hz=RATE_HZ, name="walk")
     )
 
 
-def sines(period_s, hip=0.4, knee=0.3, lead=1.1, seconds=8.0, rate_hz=RATE_HZ, name="walk"):
-    """Hip and knee as sines with analytic speeds, the knee `lead` ahead, about a bent pose."""
+def sines(period_s, hip=0.4, knee=0.3, seconds=8.0, rate_hz=RATE_HZ, name="walk"):
+    """Hip and knee as sines with analytic speeds, the knee 1.1 rad ahead, about a bent pose."""
     phase = 2.0 * math.pi * np.arange(round(seconds * rate_hz)) / rate_hz / period_s + 0.7
     omega = 2.0 * math.pi / period_s
     return series(
         hip * np.cos(phase) - 0.3,
-        knee * np.cos(phase + lead) + 0.6,
+        knee * np.cos(phase + 1.1) + 0.6,
         -hip * omega * np.sin(phase),
-        -knee * omega * np.sin(phase + lead),
+        -knee * omega * np.sin(phase + 1.1),
         rate_hz,
         name,
     )
 
 
-def circle(radius=1.0, sense=1.0, start=0.0, centre=(0.0, 0.0), points=100):
-    phase = 2.0 * math.pi * np.arange(points) / points
-    return np.stack([radius * np.cos(phase + start), sense * radius * np.sin(phase + start)], axis=1) + centre
+def circle(radius, sense=1.0, centre=(0.0, 0.0)):
+    phase = 2.0 * math.pi * np.arange(100) / 100
+    return np.stack([radius * np.cos(phase), sense * radius * np.sin(phase)], axis=1) + centre
 
 
 @pytest.mark.parametrize("period_s", [0.63, 0.7777, 1.2345])

@@ -28,7 +28,7 @@ def _sheet(human, clip, robot, poses: int = 8) -> bytes:
     return contact_sheet([Shown(name="walk", human=human, robot_clip=clip)], robot, poses, LARGE)
 
 
-def _ball(pos_w, heading: float = 0.0) -> Figure:
+def _ball(pos_w) -> Figure:
     """A small sphere per row of `pos_w`, one frame."""
     parts = tuple(
         Part(name=str(index), shapes=(Shape(kind="sphere", size=(0.05,), color=(1.0, index / 2, 0.0)),))
@@ -41,7 +41,7 @@ def _ball(pos_w, heading: float = 0.0) -> Figure:
         pos_w=np.array([pos_w], dtype=float),
         quat_w=np.tile(rotation.IDENTITY, (1, len(pos_w), 1)),
         root_pos_w=np.zeros((1, 3)),
-        heading=np.full(1, heading),
+        heading=np.zeros(1),
     )
 
 

@@ -14,14 +14,14 @@ from pipeline.virtual_robot.trial import VirtualTrial, command_of, simulate
 from tests.factories.log_trials import ROOT, scripted_log, trials_in
 
 
-def _simulated(robot, trial, script=SWAY):
+def _simulated(robot, trial):
     from pipeline.actuators.standing import read_standing_pose
     from pipeline.deployment import deployment_task
 
     pose = read_standing_pose(ROOT / "robots/t1", robot)
     task = deployment_task(robot, kp=pose.kp, kd=pose.kd, default_joint_pos=pose.joint_pos)
-    facts = LogFacts(robot=robot.name, policy_digest=script.digest)
-    return simulate(robot, ScriptedController(task, script), trial, np.random.default_rng(0), facts)
+    facts = LogFacts(robot=robot.name, policy_digest=SWAY.digest)
+    return simulate(robot, ScriptedController(task, SWAY), trial, np.random.default_rng(0), facts)
 
 
 def test_a_weak_motor_gives_its_share_and_the_others_all(robot):
