@@ -86,7 +86,7 @@ def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str
     return found
 
 
-def shown_state(approvals: Approvals, declined: Sequence[Change] = ()) -> str:
+def shown_state(approvals: Approvals, declined: Sequence[Change]) -> str:
     """Digest of what the page of curation_feedback shows of a person's answers."""
     faults = {section: str(fault) for section, fault in approvals.faults.items()}
     return digest.of_json([settings.plain(approvals.changes), settings.plain(declined), faults])[:16]

@@ -14,7 +14,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.plan import TRIALS, Plan, digest_of_robots, external
+from assets.plan import TRIALS, digest_of_robots, external
 from assets.report import asset_of, check_result, result_of, table_of
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.clips.outcome import Reason
@@ -46,24 +46,24 @@ class IngestedLogs:
     """A message for each file that is no log yet, or a duplicate."""
 
 
-def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: logging.Logger) -> IngestedLogs:
+def ingest_folder(project: Project, values: LogSettings, log: logging.Logger) -> IngestedLogs:
     """The manifest of trials of `data/hardware_logs`. One log never stops the others."""
     folder = project.hardware_logs
     shutil.rmtree(project.store.root / "ingest", ignore_errors=True)  # what a killed run left
     files, waiting = complete_logs(folder, project.log_digests)
-    files, copies = without_copies(files, _names_before(project, plan))
-    version = digest.of_json([plan.name, plan.code_version(), settings.plain(values), digest_of_robots(project)])
+    files, copies = without_copies(files, _names_before(project))
+    version = digest.of_json([TRIALS.name, TRIALS.code_version(), settings.plain(values), digest_of_robots(project)])
     answers: dict[str, Answer] = {}
     read, faults = 0, 0
     for file in files:
         key = digest.of_json([version, file.name, file.question])
-        answer = project.store.recall(key, plan.name)
+        answer = project.store.recall(key, TRIALS.name)
         if answer is None:
             log.info(f"'{file.name}' is read")
             answer, is_fault = _ask(project, file, values)
             read, faults = read + 1, faults + is_fault
             if not is_fault:
-                project.store.remember(key, answer, plan.name)
+                project.store.remember(key, answer, TRIALS.name)
         answers[file.name] = answer
     refused = {name: answer["refused"] for name, answer in answers.items() if answer["refused"]}
     unwritten = note_refusals(folder / QUARANTINE, refused)
@@ -75,15 +75,13 @@ def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: loggin
         *(f"{path.relative_to(folder)} can't be looked into." for path in closed_folders(folder)),
     ]
     passed_over += [f"{path.relative_to(folder)} is packed or of ROS 1: unpack it." for path in packed_files(folder)]
-    return IngestedLogs(
-        manifest=_manifest(plan, files, answers, values, read), faults=faults, passed_over=tuple(passed_over)
-    )
+    return IngestedLogs(manifest=_manifest(files, answers, values, read), faults=faults, passed_over=tuple(passed_over))
 
 
-def _names_before(project: Project, plan: Plan) -> dict[str, str]:
+def _names_before(project: Project) -> dict[str, str]:
     """Names of the logs of the last manifest, by what they were."""
     try:
-        before = project.store.load(plan.key.to_user_string())
+        before = project.store.load(TRIALS.key.to_user_string())
     except PipelineError:
         return {}
     return {row.numbers["question"]: row.clip for row in before.judged}
@@ -120,11 +118,9 @@ def _refused(sentence: str, messages: int) -> Answer:
     return {"pieces": [], "integrity": "", "messages": messages, "notes": [], "refused": sentence}
 
 
-def _manifest(
-    plan: Plan, files: list[LogFile], answers: Mapping[str, Answer], values: LogSettings, read: int
-) -> Manifest:
+def _manifest(files: list[LogFile], answers: Mapping[str, Answer], values: LogSettings, read: int) -> Manifest:
     stated = settings.plain(values)
-    record = ({"stage": plan.name, "version": plan.code_version(), "settings": digest.of_json(stated)},)
+    record = ({"stage": TRIALS.name, "version": TRIALS.code_version(), "settings": digest.of_json(stated)},)
     entries, judged = [], []
     for file in files:
         answer = answers[file.name]
@@ -149,10 +145,10 @@ def _manifest(
             )
         )
     return Manifest(
-        stage=plan.name,
+        stage=TRIALS.name,
         entries=tuple(entries),
         judged=tuple(judged),
-        settings={digest.of_json(stated): {"stage": plan.name, **stated}},
+        settings={digest.of_json(stated): {"stage": TRIALS.name, **stated}},
         recomputed=read,
     )
 
@@ -195,7 +191,7 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 def hardware_trials(context: dg.AssetExecutionContext):
     """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
     values = PROJECT.read("hardware_logs.yaml", LogSettings)
-    found = ingest_folder(PROJECT, TRIALS, values, context.log)
+    found = ingest_folder(PROJECT, values, context.log)
     manifest = found.manifest
     refused = [row.clip for row in manifest.judged if row.fate == "rejected"]
     integrity_of = {row.clip: row.numbers["integrity"] for row in manifest.judged}

@@ -161,7 +161,7 @@ def webots_validation(
     faults = project_faults(project.world, judged.robot)
     verdicts = validate(project, values, allowed_of(rules.webots))
     note = rules.reference.note_on(judged.robot.digest)
-    stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts, WEBOTS), "note": note or None}
+    stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts), "note": note or None}
     statuses = {each.engine: each.status for each in verdicts.values()}
     for engine, status in statuses.items():
         context.log.info(f"{engine}: {status}")
@@ -174,11 +174,11 @@ def webots_validation(
     return result_of(plan, {VERDICT: stored}, metadata, _webots_checks(plan, faults, verdicts[WEBOTS]))
 
 
-def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
+def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any]) -> dict[str, Any]:
     """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing or failed to
     run. A stand-in has its own name; one that failed to run is listed too."""
-    own = verdicts[webots]
-    others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}
+    own = verdicts[WEBOTS]
+    others = {name: each.to_dict() for name, each in verdicts.items() if name != WEBOTS}
     return {
         "stage": stage,
         "policy": policy,
@@ -186,7 +186,7 @@ def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: st
         "reasons": list(own.reasons),
         "not_run": [] if own.judged or own.failed_to_run else [own.status],
         "failed_to_run": [
-            each.status if name == webots else f"{name}: {each.status}"
+            each.status if name == WEBOTS else f"{name}: {each.status}"
             for name, each in verdicts.items()
             if each.failed_to_run
         ],

@@ -66,7 +66,7 @@ def handed_on(files: Sequence[Path], chain: Chain, *, raw: bool = False) -> list
     return clips
 
 
-def run_ours(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot, repeat: int = 1) -> Scored:
+def run_ours(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot, repeat: int) -> Scored:
     """Every clip retargeted and scored once, then `repeat` times timed: from the clip at the robot's rate to the
     joints' motion.
 
@@ -87,7 +87,7 @@ def run_ours(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot
     return Scored(frames=frames, cpu_s=tuple(cpu_s), scores=scores)
 
 
-def run_gmr(clips: Sequence[HandedOn], fps: float, gmr: Gmr, robot: Robot, repeat: int = 1) -> Scored:
+def run_gmr(clips: Sequence[HandedOn], fps: float, gmr: Gmr, robot: Robot, repeat: int) -> Scored:
     """The same clips through GMR, timed like ours: after a first run, from the clip at the rate to the joints."""
     frames, cpu_s, scores = 0, np.zeros(repeat), {}
     for clip in clips:

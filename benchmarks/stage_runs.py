@@ -69,7 +69,7 @@ class CommandRun:
         return sum(abs(stage.unexpected or 0) for stage in self.stages.values())
 
 
-def read_run(root: Path, watched: Watched, changed: str = "") -> CommandRun:
+def read_run(root: Path, watched: Watched, changed: str) -> CommandRun:
     """What the run that was watched did in the checkout `root`; `changed` names the motion file's clip that changed."""
     stages = {}
     with _instance(root) as instance:

@@ -116,7 +116,7 @@ def held_out_accuracy(
     motions: Mapping[str, Sequence[RobotClip]],
     rollouts: Mapping[str, Sequence[RobotClip]],
     robot: Robot,
-    seed: int = 0,
+    seed: int,
 ) -> float:
     """Balanced accuracy of a classifier of windows, on families that it was not trained on.
 

@@ -16,7 +16,7 @@ BUNDLE = "bundle"
 DATA_FACTS = ("robot_digest", "motors", "clips", "seconds", "licence")
 
 
-def training_run(folder: Path, stated: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def training_run(folder: Path, stated: Mapping[str, Any] | None) -> dict[str, Any]:
     """The facts of the run in `folder`: config, end, and what is stated over them. Raises FileError."""
     facts = read_json(folder / CONFIG)
     facts.pop(BUNDLE, None)

@@ -69,7 +69,7 @@ class NpzHeader(ArrayFile):
     """Shape of each array that can be read: numbers and text, no objects."""
     objects: tuple[str, ...]
     """Names of the object arrays; they are never read."""
-    numeric: frozenset[str] = frozenset()
+    numeric: frozenset[str]
     """Names of the arrays of numbers."""
 
     def stored(self, name: str) -> np.ndarray:

@@ -179,12 +179,12 @@ class Channels:
 class Summary:
     """Contents of a summary. They are compared with what was read, never taken alone."""
 
-    counts: dict[int, int] | None = None
+    counts: dict[int, int] | None
     """Messages by channel, where it has statistics."""
-    first_ns: int | None = None
+    first_ns: int | None
     """Log time of the first message, where the checksum of the summary holds."""
-    chunk_offsets: tuple[int, ...] = ()
-    definitions: tuple[tuple[int, bytes], ...] = ()
+    chunk_offsets: tuple[int, ...]
+    definitions: tuple[tuple[int, bytes], ...]
     """Schemas and channels, where the checksum of the summary holds."""
 
 

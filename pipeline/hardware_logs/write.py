@@ -31,7 +31,7 @@ class Storage:
 ZSTD_SMALL = Storage()
 
 
-def open_writer(stream: io.BytesIO, storage: Storage = ZSTD_SMALL) -> Writer:
+def open_writer(stream: io.BytesIO, storage: Storage) -> Writer:
     """A writer of a file as `ros2 bag record` begins it."""
     writer = Writer(
         stream,

@@ -48,9 +48,7 @@ def label_robot_contacts(clip: RobotClip, robot: Robot) -> Contacts:
 QUAT_NORM_CHANGE = 0.01
 
 
-def process_robot(
-    clip: RobotClip, start: int, stop: int, *, settings: RepairSettings, robot: Robot | None = None
-) -> Outcome:
+def process_robot(clip: RobotClip, start: int, stop: int, *, settings: RepairSettings, robot: Robot | None) -> Outcome:
     """The window of a robot's trajectory without frames that no robot can show.
 
     Spikes of a frame or two are filled. Frames of longer dropouts, frames that are not finite and frames whose joints

@@ -167,7 +167,7 @@ def fall_height(robot: Robot) -> float:
     return FALL_HEIGHT_SHARE * robot.default_root_height
 
 
-def has_fallen(state: PlantState, lowest: float, ground_height: GroundHeight | None = None) -> bool:
+def has_fallen(state: PlantState, lowest: float, ground_height: GroundHeight | None) -> bool:
     """Root less than `lowest` [m] over the ground, tilted beyond 60 degrees, or nowhere any more."""
     x, y, z = state.root_pos_w.tolist()
     if not np.isfinite(state.root_pos_w).all():

@@ -74,7 +74,7 @@ def push_cells(
     )
 
 
-def push_cell(robot: Robot, model: str, gait: str, size: float, shift: float = 0.0) -> Cell:
+def push_cell(robot: Robot, model: str, gait: str, size: float, shift: float) -> Cell:
     """The 64 trials of one push; the first 8 of any block of 8 are the directions at one time.
 
     Args:

@@ -115,7 +115,7 @@ class SweepResult:
 
 
 def sweep_checkpoints(
-    checkpoints: Mapping[int, Deployed], bars: ValidationSettings, pool: ClipPool | None = None
+    checkpoints: Mapping[int, Deployed], bars: ValidationSettings, pool: ClipPool | None
 ) -> tuple[SweepResult, ...]:
     """The figures of each checkpoint, by iteration."""
     return tuple(

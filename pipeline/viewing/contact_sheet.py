@@ -185,7 +185,7 @@ GIF_DOTS_PER_M = 130
 GIF_FPS = 12.5
 
 
-def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0) -> bytes:
+def walk_gif(clip: RobotClip, robot: Robot, start_s: float) -> bytes:
     """GIF of two seconds of a clip from `start_s` on, at its own speed; the same clip gives the same bytes."""
     figure = robot_figure(clip, robot)
     stop_s = min(start_s + 2.0, figure.duration_s)

@@ -65,14 +65,14 @@ class HumanSource:
     """A stretch of a person's motion."""
 
     blob: str
-    window: tuple[int, int] | None = None
+    window: tuple[int, int] | None
     """First and last frame (exclusive) of the blob that belong to the clip; None: all."""
-    mirrored: bool = False
-    speed: float = 1.0
+    mirrored: bool
+    speed: float
     """Playing speed of the variant."""
-    start_s: float = 0.0
+    start_s: float
     """Where the robot's clip starts in it, at that speed [s]."""
-    seconds: float | None = None
+    seconds: float | None
     """Length from there on [s]; None: to the end."""
 
     def load(self, store: Store, name: str) -> HumanClip | None:

@@ -32,7 +32,7 @@ SOFT_ERP, SOFT_CFM = 0.2, 1e-3
 """Webots' defaults, stated explicitly: error reduction and softness of a contact."""
 
 
-def robot_world(robot: Robot, timestep_ms: float = 5.0, friction: float = 1.0) -> Scene:
+def robot_world(robot: Robot, timestep_ms: float, friction: float) -> Scene:
     """The world file beside `protos/`; bodies at rest stay simulated. Raises PipelineError for another timestep."""
     if timestep_ms not in TIMESTEPS_MS:
         allowed = " or ".join(f"{each:g}" for each in TIMESTEPS_MS)

@@ -19,7 +19,7 @@ def stored(status: str, reasons: tuple[str, ...] = ()) -> dict[str, Any]:
         MUJOCO_STAND_IN: WebotsVerdict(engine=MUJOCO_STAND_IN, status="passed"),
         ODE_STAND_IN: WebotsVerdict(engine=ODE_STAND_IN, status="not run: ode not found"),
     }
-    return stored_verdict("webots_validation", "d1", verdicts, WEBOTS)
+    return stored_verdict("webots_validation", "d1", verdicts)
 
 
 def test_a_missing_webots_is_not_run_though_a_stand_in_passed():
@@ -53,7 +53,7 @@ def test_a_stand_in_that_breaks_is_told_beside_the_verdict_of_webots():
         WEBOTS: WebotsVerdict(engine=WEBOTS, status="passed"),
         MUJOCO_STAND_IN: WebotsVerdict(engine=MUJOCO_STAND_IN, status="failed to run: crashed, it died of SIGABRT"),
     }
-    found = verdict_of("webots_validation", stored_verdict("webots_validation", "d1", verdicts, WEBOTS), "d1")
+    found = verdict_of("webots_validation", stored_verdict("webots_validation", "d1", verdicts), "d1")
     assert found.status is Status.PASSED
     assert found.failed_to_run == ("mujoco stand-in: failed to run: crashed, it died of SIGABRT",)
 

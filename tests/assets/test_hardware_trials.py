@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from assets.hardware import IngestedLogs, ingest_folder, logs_version, trials_of
-from assets.plan import TRIALS
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, mcap_bytes, read_trial
 from pipeline.project import Project
@@ -22,7 +21,7 @@ def project(root, tmp_path, monkeypatch) -> Project:
 def ingested(project: Project) -> IngestedLogs:
     """What the asset does, and its manifest as the current one."""
     values = settings.read(project.settings("hardware_logs.yaml"), LogSettings)
-    found = ingest_folder(project, TRIALS, values, logging.getLogger())
+    found = ingest_folder(project, values, logging.getLogger())
     project.store.save("hardware_trials", found.manifest)
     return found
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assets.hardware import ingest_folder
-from assets.plan import TRIALS
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Manifest
@@ -89,7 +88,7 @@ def _prepare_ingest(folder: Path) -> None:
 def _ingest(folder: Path) -> None:
     project = Project(folder)
     values = settings.read(project.settings("hardware_logs.yaml"), LogSettings)
-    ingested = ingest_folder(project, TRIALS, values, LOG)
+    ingested = ingest_folder(project, values, LOG)
     project.store.save("hardware_trials", ingested.manifest)
     if ingested.faults:  # the asset states them and is stale until there are none
         raise PipelineError(" ".join(_fault_texts(ingested.manifest)))

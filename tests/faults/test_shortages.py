@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from assets.hardware import ingest_folder
-from assets.plan import TRIALS
 from pipeline.cli import main as command
 from pipeline.errors import FileError
 from pipeline.files import settings
@@ -114,11 +113,11 @@ def test_a_log_that_memory_does_not_hold_is_read_again_by_the_next_run(tmp_path,
 
     with monkeypatch.context() as short:
         short.setattr(mcap_reader, "open_chunk", fail)
-        ingested = ingest_folder(project, TRIALS, values, logging.getLogger())
+        ingested = ingest_folder(project, values, logging.getLogger())
     assert ingested.faults == 2
     texts = {row.clip: " ".join(reason["text"] for reason in row.reasons) for row in ingested.manifest.judged}
     assert "a: there is not enough memory to read it" in texts["a"]
-    again = ingest_folder(project, TRIALS, values, logging.getLogger())
+    again = ingest_folder(project, values, logging.getLogger())
     assert again.faults == 0
     assert [row.fate for row in again.manifest.judged] == ["accepted", "rejected", "accepted"]
 

@@ -177,7 +177,7 @@ def test_the_project_names_no_file_outside(project: Project):
 
 def test_only_stated_timesteps_are_offered(robot: Robot):
     with pytest.raises(PipelineError, match=r"a basicTimeStep of 32 ms is not offered; choose 1 or 5 ms"):
-        robot_world(robot, timestep_ms=32.0)
+        robot_world(robot, timestep_ms=32.0, friction=1.0)
 
 
 @pytest.mark.parametrize(
