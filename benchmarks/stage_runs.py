@@ -31,8 +31,6 @@ BETWEEN = "start and between"
 
 @dataclass(frozen=True, kw_only=True)
 class StageRun:
-    """One stage in one run."""
-
     seconds: float
     """Wall time of its step; of `start and between` what is left of the command's."""
     cpu_s: float
@@ -49,8 +47,6 @@ class StageRun:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandRun:
-    """One run of the command."""
-
     wall_s: float
     cpu_s: float
     main_mb: float

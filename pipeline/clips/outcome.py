@@ -18,7 +18,7 @@ class Reason:
     """One fact that was found, and what followed from it."""
 
     code: str
-    """Short name for counting: `teleport`, `joint_limit`, `not_wanted`."""
+    """Short name for counting: `teleport`, `joint_limit`, `excluded_by_person`."""
     text: str
     """A message for people, with place, value and limit."""
     effect: str

@@ -7,7 +7,7 @@ Evaluation, the table of criteria, the table in the docs, the benchmark and the 
 
     limit_excess: Annotated[float, Range(0.0, 1.0), Unit("rad")]
 
-The file states the same unit (`pipeline.files.sourced`); a `Section` checks the range.
+The file states the same unit (`pipeline.files.sourced`); reading it checks the range.
 """
 
 import dataclasses

@@ -30,8 +30,6 @@ PIECES_APART_S = 1.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CountedTrial:
-    """A trial that counts."""
-
     report: TrialReport
     recording: str
     """The same for all trials of one recording: the SHA-256 of one of its logs."""

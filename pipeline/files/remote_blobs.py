@@ -84,7 +84,6 @@ class RemoteBlobs:
         return data
 
     def remove(self, blob: str) -> None:
-        """Remove a blob."""
         with self._reached(), contextlib.suppress(FileNotFoundError):
             self._opened[0].rm_file(self._path(blob))
 

@@ -44,7 +44,6 @@ def markdown_list(texts: Iterable[object], none: str = "none") -> str:
 
 
 def markdown_table(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
-    """A table in Markdown."""
     lines = [header, ["---"] * len(header), *rows]
     cells = [[text if text == "---" else escaped(text) for text in line] for line in lines]
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)

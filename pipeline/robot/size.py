@@ -26,7 +26,6 @@ class RobotSize:
 
 
 def size_of(robot: Robot) -> RobotSize:
-    """Size of a robot."""
     return RobotSize(leg_length=robot.leg_length, mass=round(robot.total_mass, 3))
 
 

@@ -53,7 +53,6 @@ COLUMNS = ("forward", "lateral", "yaw_rate", "power", "slip", "saturation", "dri
 
 
 def sweep_cells(robot: Robot) -> tuple[Cell, ...]:
-    """The cells of the sweep."""
     return (*unpushed_cells(TRIALS.seeds, TRIALS.starts), *named(robot, PUSHED, TRIALS))
 
 

@@ -278,7 +278,6 @@ def _check_motor(name: str, folder: Path, content: bytes) -> list[str]:
 
 
 def _points(sweep: Measurement) -> set[tuple[float, float, bool]]:
-    """The points of a sweep."""
     columns = (sweep.speed.round(9), sweep.torque.round(9), sweep.forward)
     return set(zip(*(column.tolist() for column in columns), strict=True))
 

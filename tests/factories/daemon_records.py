@@ -16,7 +16,6 @@ class RunTimes:
 
     run_id: str
     status: str
-    requested_s: float
     start_s: float
     end_s: float
 
@@ -37,7 +36,6 @@ def runs_of(checkout: Checkout, job: str) -> list[RunTimes]:
         RunTimes(
             run_id=record.dagster_run.run_id,
             status=record.dagster_run.status.value,
-            requested_s=record.create_timestamp.timestamp(),
             start_s=record.start_time or 0.0,
             end_s=record.end_time or 0.0,
         )

@@ -20,8 +20,6 @@ class Mistake:
 
 
 def cell(table: str, row: str, column: str, change: Callable[[float], float] | str) -> Callable[[Path], None]:
-    """Change one cell of a table."""
-
     def plant(folder: Path) -> None:
         path = folder / table
         rows = list(csv.reader(path.read_text().splitlines()))

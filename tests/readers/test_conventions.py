@@ -17,7 +17,6 @@ from tests.factories.conventions import CONVENTIONS, DROP_DEG, Convention, write
 UNITS = {"cm": 0.01, "m": 1.0, "inch": 0.0254}
 Z_UP = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
 AXES = {"y up": {}, "world z up": {"world_turn": Z_UP}, "frames z up": {"frame_turn": Z_UP}}
-SPLAYED = ("toe",)
 POSES = files.upright(8, seed=21)
 
 
