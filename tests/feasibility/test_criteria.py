@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +11,8 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import Assessment, FeasibilitySettings, Verdict, assess
 from pipeline.feasibility.foot_criteria import _sliding_stances
 from pipeline.feasibility.motion import motion_of
-from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
-
-
-@pytest.fixture(scope="module")
-def limits(root: Path) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
 def _assess(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> Assessment:

@@ -12,16 +12,10 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.feasibility import FeasibilitySettings, assess, process
 from pipeline.feasibility.motion import at_database_rate, motion_of
-from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.policy_walks import policy_walk
 from tests.factories.robot_clips import standing, wandering
 from tests.factories.robot_faults import FAULTS
-
-
-@pytest.fixture(scope="module")
-def limits(root: Path) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
 def _bent(clip: RobotClip, robot: Robot, start: int, stop: int) -> RobotClip:

@@ -1,7 +1,6 @@
 """Feet near the ground that are too fast to stand: found where nothing is labelled, and no stride, hop or stance is."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +10,8 @@ from pipeline.feasibility import FeasibilitySettings, assess
 from pipeline.feasibility.criterion import Skipped, Verdict
 from pipeline.feasibility.foot_criteria import foot_slip, gliding
 from pipeline.feasibility.motion import Motion, motion_of
-from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
-
-
-@pytest.fixture(scope="module")
-def limits(root: Path) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
 def _unlabelled(robot: Robot, seconds: float = 2.0) -> RobotClip:

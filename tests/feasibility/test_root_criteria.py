@@ -1,7 +1,6 @@
 """Criteria of the root on a sway whose derivatives are known."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,14 +9,8 @@ from pipeline import rotation
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.root_criteria import root_jerk, root_speeds
-from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
-
-
-@pytest.fixture(scope="module")
-def limits(root: Path) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,16 +10,10 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings, assess
 from pipeline.feasibility.criterion import Verdict
 from pipeline.feasibility.motion import motion_of
-from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
 
 FRAMES = 20
-
-
-@pytest.fixture(scope="module")
-def limits(root: Path) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
 @pytest.mark.parametrize(

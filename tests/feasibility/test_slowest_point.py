@@ -1,7 +1,6 @@
 """A foot slides as fast as the point of its sole that slides least."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from pipeline.feasibility.assess import parted
 from pipeline.feasibility.foot_criteria import foot_slip
 from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.slowest_point import distance_from_zero, slowest_point_speed
-from pipeline.files import settings
 from pipeline.quality.sole import SoleMotion, contact_from_sole
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
@@ -20,11 +18,6 @@ from tests.factories.robot_clips import standing
 FRAMES, LEVEL = 100, 0.01
 CORNERS = np.array([[0.12, 0.05, 0.0], [0.12, -0.05, 0.0], [-0.1, -0.05, 0.0], [-0.1, 0.05, 0.0]])
 """Of a sole about its ankle [m]."""
-
-
-@pytest.fixture(scope="module")
-def limits(root: Path) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
 def _foot(velocity: tuple[float, float] = (0.0, 0.0), turning: float = 0.0, pivot: tuple[float, float] = (0.0, 0.0)):

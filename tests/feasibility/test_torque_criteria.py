@@ -1,7 +1,6 @@
 """Criteria of recorded forces: motors at their torque limits, and whether contacts explain the motion."""
 
 import dataclasses
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,7 +12,6 @@ from pipeline.feasibility.judgement import NUMBER, from_text
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.torque_criteria import CODES as FORCES
 from pipeline.feasibility.torque_criteria import centre_of_mass, recorded_forces, unexplained_force
-from pipeline.files import settings
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, mujoco_model
 from tests.factories.robot_clips import standing, wandering
@@ -21,11 +19,6 @@ from tests.factories.simulated_clip import simulated_standing
 
 PUSH_N = 8.0
 INFERRED = ("foot_told_slip_mean", "contact_disagreement", "foot_glide_s")
-
-
-@pytest.fixture(scope="module")
-def limits(root: Path) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
 @pytest.fixture(scope="module")

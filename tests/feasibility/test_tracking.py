@@ -40,11 +40,6 @@ CODES = tuple(each.code for each in CRITERIA)
 
 
 @pytest.fixture(scope="module")
-def limits(root) -> FeasibilitySettings:
-    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
-
-
-@pytest.fixture(scope="module")
 def reference(robot: Robot) -> RobotClip:
     return waving(robot, 6.0)
 

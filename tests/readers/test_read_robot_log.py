@@ -13,18 +13,13 @@ from pipeline.export.folder import read_export
 from pipeline.hardware_logs import LogFacts, write_mcap
 from pipeline.readers.read_motion import read_motion
 from pipeline.readers.robot_log import root_poses
-from pipeline.robot import Robot, load_robot
+from pipeline.robot import Robot
 from pipeline.validation.deployed import deployed
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 from tests.factories.robot_logs import robot_log
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 6.0
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("t1")
 
 
 def test_a_walk_is_the_one_that_was_simulated(tmp_path: Path, robot: Robot):

@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.clips.human_clip import HumanClip
-from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
-from pipeline.repair import RepairSettings, process
+from pipeline.repair import process
 from pipeline.repair.contacts import both_feet
 from pipeline.repair.skating import FAST, _slowest_fifth, planted
 from tests.factories.human_clips import Gait, walker
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 def slid(clip: HumanClip, velocity_m_s: tuple[float, float]) -> HumanClip:

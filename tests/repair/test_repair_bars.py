@@ -26,18 +26,12 @@ from benchmarks.repair_floors import (
 from benchmarks.repair_judge import Verdict, judge
 from pipeline.clips.human_clip import body
 from pipeline.clips.outcome import Outcome
-from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
-from pipeline.repair import RepairSettings, process
+from pipeline.repair import process
 from tests.factories.human_clips import turned, walker
 from tests.factories.planted_defects import plant
 
 PLANTS = 8
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 @pytest.fixture(scope="module")

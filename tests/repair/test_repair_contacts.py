@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.repair_quality import f1
-from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
-from pipeline.repair import RepairSettings, process
+from pipeline.repair import process
 from tests.factories.human_clips import Gait, standing, walker
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 @pytest.mark.parametrize("name", ["walk", "run_easy", "back", "side_left", "turn_left", "start_stop"])

@@ -9,7 +9,6 @@ import pytest
 
 from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip, body
-from pipeline.files import settings as settings_files
 from pipeline.readers import read_motion
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
@@ -21,11 +20,6 @@ SEEDS = range(8)
 LEAST = 1.5
 """Strength of what is counted here; `benchmarks/repair.py` counts from 1 on and takes hundreds."""
 OF_FRAMES = [kind for kind in KINDS if not kind.startswith(("floor_", "foot_"))]
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 @pytest.fixture(scope="module")

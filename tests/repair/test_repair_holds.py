@@ -9,7 +9,6 @@ import pytest
 
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import HumanClip, body
-from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
@@ -20,11 +19,6 @@ STILL_STEP = 1e-6
 LIMITS = Limits(jump=0.003, short=0.05, entering=0.2, frames=3, longest=200.0, excursion=40.0)
 PERIOD, REST = 100, 30
 """Frames of a joint's bend, and of them those at rest."""
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 def bending() -> np.ndarray:

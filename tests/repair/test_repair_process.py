@@ -11,19 +11,13 @@ from pipeline import rotation
 from pipeline.clips.human_clip import FEET, HumanClip, body
 from pipeline.clips.outcome import Outcome
 from pipeline.errors import ClipError
-from pipeline.files import settings as settings_files
-from pipeline.repair import RepairSettings, process
+from pipeline.repair import process
 from pipeline.repair.floor import Placement
 from pipeline.repair.tree import LIMB_ENDS, bone_lengths
 from tests.factories.human_clips import Gait, standing, turned, walker
 from tests.factories.planted_defects import plant
 
 FEET_JOINTS = [body(f"{side}_{name}") for side in FEET for name in ("ankle", "toe")]
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 def spoilt(clip: HumanClip, change) -> HumanClip:

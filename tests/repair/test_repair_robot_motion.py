@@ -10,13 +10,7 @@ import pytest
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
-from pipeline.files import settings as settings_files
-from pipeline.repair import RepairSettings, process
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
+from pipeline.repair import process
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import pytest
 
 from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip, body
-from pipeline.files import settings as settings_files
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
 from pipeline.repair.shaking import find_noise
@@ -19,11 +18,6 @@ from tests.factories.defect_draft import LIMBS, Draft
 from tests.factories.human_clips import walker
 
 SEEDS = range(6)
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 def shaken(clip: HumanClip, start: int, stop: int, joints: tuple[int, ...], size: float, seed: int) -> HumanClip:

@@ -7,19 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.files import settings as settings_files
 from pipeline.readers.read_motion import read_motion
 from pipeline.readers.source import Statement
-from pipeline.repair import RepairSettings, process
+from pipeline.repair import process
 
 pytestmark = pytest.mark.shared
 
 SOUND_SHARE = 0.97
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from pipeline.clips.human_clip import HumanClip
-from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
 from pipeline.readers import read_motion
 from pipeline.repair import RepairSettings, process
@@ -24,11 +23,6 @@ RUN_AT_30_HZ_S = 0.2
 """In a run at 30 Hz a stance has six frames, two of them steady: told by feet alone an edge may be so far off [s]."""
 SLOWLY_S = 0.2
 """A glide that gains its speed in this time shows no kick [s]."""
-
-
-@pytest.fixture(scope="module")
-def settings(root) -> RepairSettings:
-    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
 @functools.cache

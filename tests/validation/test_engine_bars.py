@@ -12,7 +12,7 @@ from pipeline.errors import FileError
 from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import UNKNOWN, CellBars, RobotBars, ValidationSettings, read_validation
+from pipeline.validation.bars import UNKNOWN, CellBars, RobotBars, ValidationSettings
 from pipeline.validation.cross_engine import CellResult, CrossEngineResult
 from pipeline.validation.cross_engine_walk import Cell, CrossEngineSettings, Figures, Segment, SimulationSettings
 from pipeline.validation.deployed import Deployed, deployed
@@ -23,11 +23,6 @@ from tests.factories.policies import still_policy
 SIMULATION = SimulationSettings(timestep_s=0.005, friction=1.0, seeds=2, start_joint_pos=0.0, start_yaw=0.0)
 CELL = Cell(segments=(Segment(seconds=1.0, command=(1.0, 0.0, 0.0)),), measured_s=0.5)
 GRID = CrossEngineSettings(simulation=SIMULATION, cells={"walk": CELL})
-
-
-@pytest.fixture(scope="module")
-def rules(root: Path) -> ValidationSettings:
-    return read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
 
 def walked(forward: float, turning: float = 0.0, fell_s: float | None = None) -> Figures:

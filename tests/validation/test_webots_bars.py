@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.files.settings import read
-from pipeline.validation.bars import Bar, CellBars, ValidationSettings, read_validation
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings
 from pipeline.validation.derived_bars import allowed_of, webots_bars
 from pipeline.validation.limit_cycle_walks import name_of
 from pipeline.validation.limit_cycles import LimitCycleSettings
@@ -20,11 +20,6 @@ WALK = WebotsSettings(
     limit_s=9.0,
     segments=(WalkSegment(name="walk", seconds=2.0, command=(1.0, 0.0, 0.0)),),
 )
-
-
-@pytest.fixture(scope="module")
-def rules(root: Path) -> ValidationSettings:
-    return read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
 
 def walked(forward: float, turning: float = 0.0) -> WalkResult:
