@@ -60,10 +60,6 @@ class Outcome:
     reasons: tuple[Reason, ...] = ()
     numbers: Numbers = field(default_factory=dict)
 
-    @property
-    def accepted(self) -> bool:
-        return len(self.pieces) > 0
-
 
 SKILLS: tuple[str, ...] = (
     "stand",

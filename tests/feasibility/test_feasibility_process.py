@@ -105,7 +105,7 @@ def test_clips_of_other_rates_come_out_at_50_hz(robot: Robot, limits: Feasibilit
     assert at_rate.fps == 50.0
     wanted = 0.2 * np.sin(3.0 * np.arange(at_rate.frame_count) / 50.0)
     np.testing.assert_allclose(at_rate.joint_pos[:, robot.joint("Head_pitch")], wanted, atol=1e-5)
-    assert process(dataclasses.replace(clip, joint_pos=nod), {}, settings=limits, robot=robot).accepted
+    assert process(dataclasses.replace(clip, joint_pos=nod), {}, settings=limits, robot=robot).pieces
 
 
 def test_a_clip_of_another_robot_or_with_missing_numbers_is_refused(robot: Robot, limits: FeasibilitySettings):

@@ -228,7 +228,7 @@ def test_short_remainders_are_dropped_with_a_reason(settings):
 def test_sliding_feet_are_rejected(settings):
     sliding = walker(fps=60.0, gait=Gait(slide_m_s=0.3))
     outcome = process(sliding, {"skill": "walk"}, settings=settings)
-    assert not outcome.accepted
+    assert not outcome.pieces
     skate = next(reason for reason in outcome.reasons if reason.code == "foot_skate")
     assert skate.value == pytest.approx(0.3, abs=0.06)
 
@@ -245,14 +245,14 @@ def test_clip_of_nothing_but_nan_is_an_outcome(settings):
         pos[:], quat[:] = np.nan, np.nan
 
     outcome = process(spoilt(standing(), drop), {}, settings=settings)
-    assert not outcome.accepted
+    assert not outcome.pieces
     assert "missing" in codes(outcome, "rejected")
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 7, 31])
 def test_short_clips_are_outcomes(count, settings):
     outcome = process(standing().cut(0, count, "short"), {}, settings=settings)
-    assert outcome.accepted == (count >= 30)
+    assert bool(outcome.pieces) == (count >= 30)
 
 
 def test_window_outside_the_clip_is_an_error(settings):

@@ -253,7 +253,7 @@ def test_a_recording_of_the_robot_goes_on_as_it_is():
 def test_a_recording_of_another_robot_is_rejected():
     _, clip = walking()
     outcome = onto_robot(dataclasses.replace(clip, robot="k9"), {}, settings=SETTINGS, robot=ROBOT)
-    assert not outcome.accepted
+    assert not outcome.pieces
     assert outcome.reasons[0].text == "'walker' is a recording of the robot 'k9', not of 't1'."
 
 
