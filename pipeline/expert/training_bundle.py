@@ -10,7 +10,6 @@
 """
 
 import io
-import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ from pipeline.expert.frames import FPS
 from pipeline.expert.index import database_version
 from pipeline.expert.read import Database, DatabaseClip, read_database
 from pipeline.files import atomic, digest
+from pipeline.files.csv_json import json_text
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.kinematics import mujoco_model
@@ -77,7 +77,7 @@ def write_training_bundle(
     database, robot = read_database(database_folder), load_robot(robot_folder)
     files = {
         "robot.xml": robot.mjcf.encode(),
-        "robot.json": _json(robot_facts(robot, robot_folder)),
+        "robot.json": json_text(robot_facts(robot, robot_folder)).encode(),
         "expert.npz": expert_arrays(database),
         **{
             f"{ROBOT}/{robot.name}/{path.name}": path.read_bytes()
@@ -99,7 +99,7 @@ def write_training_bundle(
         "augmented_by": augmented_by(database.index["variant"]),
         "files": {name: digest.of_bytes(data) for name, data in files.items()},
     }
-    for name, data in {**files, "bundle.json": _json(about)}.items():
+    for name, data in {**files, "bundle.json": json_text(about).encode()}.items():
         atomic.write_bytes(folder / name, data)
     return about
 
@@ -223,7 +223,3 @@ def _commands(root_pos_w: Float[np.ndarray, "t 3"], root_quat_w: Float[np.ndarra
     mean = time_series.moving_mean(np.stack([forward, left, yaw_rate], axis=1), width)
     mean[(np.abs(mean) < MIN_COMMAND).all(axis=1)] = 0.0
     return mean
-
-
-def _json(value: dict[str, Any]) -> bytes:
-    return (json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()

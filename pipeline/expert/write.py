@@ -30,6 +30,7 @@ from pipeline.expert.frames import FPS, columns, expert_frames, frames_of_clips,
 from pipeline.expert.read import Contents, DatabaseError, check_database, faults_of_frames, read_clip
 from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
+from pipeline.files.csv_json import json_text
 from pipeline.files.swap import current, replace_folder
 from pipeline.robot import Robot
 
@@ -161,7 +162,7 @@ def write_database(
         shown = pd.DataFrame([{name: row.get(name) for name in dataset_card.COLUMNS} for row in rows])
         (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
         text = manifest.sealed(part, head, {row["file"]: row["sha256"] for row in rows})
-        (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
+        (part / manifest.FILE).write_text(json_text(text))
 
     def check(part: Path) -> None:
         made.append(check_database(part, frames=False))  # frames were checked when they were first written

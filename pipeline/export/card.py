@@ -1,6 +1,5 @@
 """The model card: a policy's origin, training run, data, licence and files."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from pipeline.errors import FileError
 from pipeline.files import atomic, settings
 from pipeline.files import digest as digests
-from pipeline.files.csv_json import read_json
+from pipeline.files.csv_json import json_text, read_json
 from pipeline.files.shown_text import plain
 
 OTHER_SEEDS, HELD_OUT = "other seeds", "held-out"
@@ -57,7 +56,7 @@ class ModelCard:
     def to_text(self) -> str:
         content = {"schema": SCHEMA, **vars(self)}
         sealed = {**content, SEAL: digests.of_json(content)}
-        return json.dumps(sealed, indent=1, sort_keys=True, allow_nan=False) + "\n"
+        return json_text(sealed)
 
 
 def write_card(folder: Path, card: ModelCard) -> None:

@@ -89,9 +89,14 @@ def read_json(path: Path, what: str = "JSON", do: str = "", most_bytes: int = MA
         raise FileError(path, f"not {what} ({error}).", do) from error
 
 
+def json_text(value: Any) -> str:
+    """A value as JSON with sorted keys. Raises ValueError for NaN and infinities."""
+    return json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
 def write_json(path: Path, value: Any) -> None:
-    """Write a value with sorted keys, whole or not at all. Raises ValueError for NaN and infinities."""
-    atomic.write_text(path, json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    """Write `json_text` of a value, whole or not at all."""
+    atomic.write_text(path, json_text(value))
 
 
 def without_nan(value: Any) -> Any:

@@ -1,7 +1,6 @@
 """Write a tracking bundle of reference motions and an adapted robot."""
 
 import io
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.files import atomic, digest
+from pipeline.files.csv_json import json_text
 from pipeline.robot import Robot
 from pipeline.tracking.bundle import SCHEMA
 from pipeline.tracking.task import CONTROL_HZ
@@ -31,7 +31,7 @@ def write_tracking_bundle(
     Raises ClipError for a clip of another rate or robot.
     """
     motions = motion_arrays(clips, robot)
-    files = {"robot.xml": robot.mjcf.encode(), "robot.json": _json(facts), "motions.npz": _npz(motions)}
+    files = {"robot.xml": robot.mjcf.encode(), "robot.json": json_text(facts).encode(), "motions.npz": _npz(motions)}
     about = {
         "schema": SCHEMA,
         "robot": robot.name,
@@ -41,7 +41,7 @@ def write_tracking_bundle(
         "licences": sorted(set(licences)),
         "files": {name: digest.of_bytes(data) for name, data in files.items()},
     }
-    for name, data in {**files, "bundle.json": _json(about)}.items():
+    for name, data in {**files, "bundle.json": json_text(about).encode()}.items():
         atomic.write_bytes(folder / name, data)
     return about
 
@@ -68,7 +68,3 @@ def _npz(arrays: dict[str, np.ndarray]) -> bytes:
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)  # pyright: ignore[reportArgumentType]
     return stream.getvalue()
-
-
-def _json(value: dict[str, Any]) -> bytes:
-    return (json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()

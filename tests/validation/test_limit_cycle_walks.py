@@ -193,9 +193,8 @@ def test_a_robot_on_half_its_period_gives_reasons(cycle):
     assert reasons == ["DART left against MuJoCo left: difference of periods 0.500, asked is at most 0.06 share"]
 
 
-def test_bars_of_a_speed_are_the_references_worst_and_another_gait_is_not_required(cycle, root):
+def test_bars_of_a_speed_are_the_references_worst_and_another_gait_is_not_required(cycle, rules):
     """Legs of made-up walks: one 2 % slower, one at half the period."""
-    rules = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
     def bars_of(period_s):
         compared = compare(cycle("MuJoCo left", 0.8), cycle("DART left", period_s))
