@@ -138,13 +138,14 @@ def corner_points(shape: MakerShape) -> Float[np.ndarray, "n 3"]:
         local = np.array(np.meshgrid(*([-half, half] for half in shape.size))).reshape(3, -1).T
         return shape.pos + rotation.rotate(shape.quat, local)
     axis = rotation.rotate(shape.quat, np.array([0.0, 0.0, 1.0]))
-    half = shape.size[1] if len(shape.size) > 1 else 0.0
+    radius, *length = shape.size
+    half = length[0] if length else 0.0
     around = np.eye(3)
     if shape.kind == "cylinder":  # the rims, which are square to the axis
         around -= np.outer(axis, axis)
         around /= np.maximum(np.linalg.norm(around, axis=1, keepdims=True), ZERO)
     ends = (shape.pos - half * axis, shape.pos + half * axis)
-    return np.vstack([end + side * shape.size[0] * around for end in ends for side in (1.0, -1.0)])
+    return np.vstack([end + side * radius * around for end in ends for side in (1.0, -1.0)])
 
 
 DIGITS = 10
