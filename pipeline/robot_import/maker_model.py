@@ -137,7 +137,7 @@ def corner_points(shape: MakerShape) -> Float[np.ndarray, "n 3"]:
     if shape.kind == "box":
         local = np.array(np.meshgrid(*([-half, half] for half in shape.size))).reshape(3, -1).T
         return shape.pos + rotation.rotate(shape.quat, local)
-    axis = rotation.rotate(shape.quat, np.array([0.0, 0.0, 1.0]))
+    axis = rotation.rotate(rotation.normalize(shape.quat), np.array([0.0, 0.0, 1.0]))
     radius, *length = shape.size
     half = length[0] if length else 0.0
     around = np.eye(3)

@@ -20,6 +20,8 @@ export class ClipPage {
     const name = encodeURIComponent(this.clip);
     const details = await getJson(`/api/clip?name=${name}`).catch((error) => { this.loading.remove(); throw error; });
     if (details.made) {
+      this.player?.stop();
+      this.player = this.timeline = null;
       this.element.replaceChildren(...passed(details));
       return;
     }
@@ -70,7 +72,7 @@ export class ClipPage {
 function decisions(details) {
   if (!details.decisions.length) return el("span", { class: "quiet" }, "no decision yet");
   return details.decisions.map((each) => el("span", {}, el("span", { class: each.verdict }, `${each.clip}: ${each.verdict === "exclude" ? "excluded" : "accepted"} by ${each.by} on ${each.day}: ${each.why} `),
-    el("button", { onclick: () => decide([each.clip], "take back") }, "undo")));
+    el("button", { onclick: () => decide([each.clip], "take back"), "aria-label": `undo ${each.clip}` }, "undo")));
 }
 
 // The page of a recording, window or variant that passed all its stages: it is in the gallery as what was made from it.

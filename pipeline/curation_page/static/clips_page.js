@@ -171,7 +171,7 @@ function stated(query) {
   const ranges = Object.fromEntries(query.getAll("range").map((text) => {
     const [name, low, high] = text.split(":");
     return [name, [low ? Number(low) : -Infinity, high ? Number(high) : Infinity]];
-  }));
+  }).filter(([, ends]) => !ends.some(Number.isNaN)));
   return { query: query.get("q") ?? "", texts, ranges, sort: query.get("sort") ?? "clip", descending: query.get("descending") === "1" };
 }
 

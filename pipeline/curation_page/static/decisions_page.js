@@ -16,6 +16,6 @@ export class DecisionsPage {
     this.element.replaceChildren(el("h1", {}, "Decisions"),
       el("p", { class: "quiet" }, "In data/curation.yaml. An excluded recording or window is left out by KP1, an excluded variant or rollout by KP5, when the database is materialized."),
       found.length ? table(["clip", "decision", "by", "day", "why", ""], found.map((each) => [clipLink(each.clip), el("span", { class: each.verdict }, each.verdict), each.by, each.day, each.why,
-        el("button", { onclick: () => decide([each.clip], "take back") }, "undo")])) : el("p", { class: "empty" }, "No decision was made yet."));
+        el("button", { onclick: () => decide([each.clip], "take back"), "aria-label": `undo ${each.clip}` }, "undo")])) : el("p", { class: "empty" }, "No decision was made yet."));
   }
 }

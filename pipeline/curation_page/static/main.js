@@ -15,6 +15,7 @@ const places = new Map();  // address of a view of all clips -> what it had when
 let page = null;
 let table = null;
 let shown = 0;
+let renewed = Promise.resolve();
 
 async function clips() {
   table ??= new ClipTable(await getJson("/api/clips"));
@@ -53,8 +54,14 @@ document.addEventListener("decisions-changed", () => again(false));
 new RunState(() => again(true, true), () => again(true));
 show();
 
-// Show what is there now. What a person was at stays: filters, place, playback, the focus and, if `selected`, the selected clips.
-async function again(selected, motions = false) {
+// Show what is there now, one time after the other: an older answer that comes late would show what was.
+function again(...what) {
+  const next = () => renew(...what);
+  renewed = renewed.then(next, next);
+}
+
+// What a person was at stays: filters, place, playback, the focus and, if `selected`, the selected clips.
+async function renew(selected, motions = false) {
   table = null;
   const focused = main.contains(document.activeElement) ? document.activeElement : null;
   if (page?.load) await attempt(() => page.load(motions));
@@ -62,9 +69,9 @@ async function again(selected, motions = false) {
   if (focused && !focused.isConnected && document.activeElement === document.body) sameControl(focused).focus({ preventScroll: true });
 }
 
-// The control that has taken the place of another one; of one that is gone, the page itself.
+// The control that has taken the place of another one; of one that is gone, or that several look like, the page itself.
 function sameControl(gone) {
   const name = (each) => `${each.className} ${each.name ?? ""} ${each.getAttribute("aria-label") ?? each.textContent}`;
-  const found = [...main.querySelectorAll(gone.tagName)].find((each) => !each.disabled && name(each) === name(gone));
-  return found ?? main;
+  const found = [...main.querySelectorAll(gone.tagName)].filter((each) => !each.disabled && name(each) === name(gone));
+  return found.length === 1 ? found[0] : main;
 }

@@ -21,7 +21,7 @@ export class ProposalsPage {
       found.proposal ? el("p", {}, "proposal ", el("code", {}, found.proposal)) : el("p", { class: "empty" }, found.missing || "Nothing is proposed."),
       ...sections.map((section) => this.section(found, section)),
       ...(found.approved.length ? [el("h2", {}, "Approved"), table(["part", "by", "proposal", "changes", ""], found.approved.map((each) => [each.section, each.by, each.proposal, String(each.changes),
-        el("button", { onclick: () => this.answer("take_back_sections", { sections: [each.section] }, "taken back") }, "take back")]), [3])] : []),
+        el("button", { onclick: () => this.answer("take_back_sections", { sections: [each.section] }, "taken back"), "aria-label": `take back ${each.section}` }, "take back")]), [3])] : []),
       ...(found.lingering.length ? [el("h2", {}, "Approved, proposed no longer"), ...found.lingering.map(shown)] : []),
     );
   }
