@@ -220,6 +220,20 @@ def test_undo_takes_back_the_decisions_of_the_selected_clips_that_have_one(page,
     assert page.complaints == []
 
 
+def test_after_an_undo_the_focus_is_not_on_the_undo_of_another_clip(page, folder):
+    go(page, "#/?q=clip0", ".card")
+    decide_all_shown(page, "accept")
+    page.page.wait_for_selector(".card .decision.accept")
+    first, second, *others = [each["clip"] for each in decisions(folder)]
+    go(page, "#/decisions", "button >> text=undo")
+    page.page.focus(f"[aria-label='undo {second}']")
+    page.page.keyboard.press("Enter")
+    page.page.wait_for_selector(f"[aria-label='undo {second}']", state="detached")
+    page.until("document.activeElement.matches('main')")
+    page.page.keyboard.press("Enter")
+    assert [each["clip"] for each in decisions(folder)] == [first, *others]
+
+
 def test_a_filter_that_no_clip_fulfils_any_more_is_shown(page):
     go(page, "#/?q=clip0", ".card")
     decide_all_shown(page, "accept")
