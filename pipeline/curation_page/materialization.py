@@ -81,8 +81,8 @@ class Materialization:
         """End the run, with all its processes, if one is at work."""
         with self._lock:
             if self._process is not None and self._process.poll() is None:
+                self._stopped = True  # before the signal: the state is read without the lock
                 os.killpg(self._process.pid, signal.SIGTERM)
-                self._stopped = True
 
     def state(self) -> dict[str, Any]:
         """Whether a run is at work, how the last one ended (`stopped`: by a person), its stage and its last lines."""
