@@ -2,16 +2,13 @@
 
 Files leave open the order of joints without names and of the root's quaternion (wxyz or xyzw). Joints are in the
 robot's own order, or breadth first as Isaac Lab writes them. Where an archive holds positions of bodies they prove it:
-every link has to be where our kinematics puts it. With the quaternion in the wrong order a heading becomes a roll: at
-most headings the trunk is horizontal. Where both orders leave it upright (near 0 and 180 degrees) the soles decide:
-those that stand are level and do not slide.
+every link has to be where our kinematics puts it; elsewhere `quaternion_order.py` infers the quaternion's order.
 """
 
 import functools
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +17,7 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import AmbiguousFileError, FileError
+from pipeline.readers.quaternion_order import MAX_TILT_DEG, ORDERS, in_order, inferred_order, trunk_tilt_deg
 from pipeline.readers.raw_motion import check_unit, refuse_pose
 from pipeline.readers.source import NOTHING_STATED, Statement
 from pipeline.readers.velocity_rate import VelocityRate, frame_rate
@@ -157,7 +155,8 @@ def _quaternion_order(
         return stated, ()
     if motion.order_is_certain:
         return motion.quat_order, ()
-    order = inferred_order(motion, motion.joint_pos[:, columns], robot, fps)
+    found = (motion.root_quat, motion.root_pos_w, motion.joint_pos[:, columns])
+    order = inferred_order(motion.path, motion.quat_order, *found, robot, fps)
     if order == motion.quat_order:
         return order, ()
     text = (
@@ -259,101 +258,3 @@ def link_errors(
     poses = Kinematics(robot).forward(root_pos_w[frames], root_quat_w[frames], joint_pos[frames])
     gaps = np.linalg.norm(poses.pos_w[:, :, None] - body_pos_w[frames][:, None], axis=-1).min(axis=2)
     return np.median(gaps, axis=0)
-
-
-ORDERS = ("wxyz", "xyzw")
-
-MAX_TILT_DEG = 60.0
-"""A trunk tilted by more than this is not upright: median over the frames [deg]."""
-
-MOST_FRAMES = 1500
-"""Frames that are checked, at most."""
-
-SURE = 2.0
-"""The worse order's score is at least this many times the better one's."""
-
-LEVEL_DEG, SLOW = 3.0, 0.05
-"""Tilt [deg] and speed [m/s] of a standing sole up to which it counts as level and still."""
-
-
-class Soles(NamedTuple):
-    """How a robot stands with one order, medians over the frames."""
-
-    tilt_deg: float
-    """Of the lower sole [deg]."""
-    speed: float
-    """Of the lower sole along the ground, each frame's [m/s]."""
-
-    @property
-    def score(self) -> float:
-        """1 for a sole that stands; the larger the less it does."""
-        return max(1.0, self.tilt_deg / LEVEL_DEG) * max(1.0, self.speed / SLOW)
-
-
-def trunk_tilt_deg(quat: Float[np.ndarray, "t 4"]) -> float:
-    """Median angle of the root's z axis to the vertical [deg]; 180 where no frame is known."""
-    up = rotation.rotate(rotation.normalize(quat), np.array([0.0, 0.0, 1.0]))[:, 2]
-    if not np.isfinite(up).any():
-        return 180.0
-    return float(np.rad2deg(np.arccos(np.clip(np.nanmedian(up), -1.0, 1.0))))
-
-
-def in_order(columns: Float[np.ndarray, "t 4"], order: str) -> Float[np.ndarray, "t 4"]:
-    """Quaternions wxyz from four columns in an order."""
-    return columns if order == "wxyz" else np.roll(columns, 1, axis=1)
-
-
-def inferred_order(motion: RobotMotion, joint_pos: Float[np.ndarray, "t j"], robot: Robot, fps: float) -> str:
-    """`wxyz` or `xyzw`; the usual one of the format where both give the same motion or neither stands upright.
-
-    `joint_pos` is in the robot's order. Raises AmbiguousFileError where both are upright and the soles do not decide.
-    """
-    usual = motion.quat_order
-    quats = {order: in_order(motion.root_quat, order) for order in ORDERS}
-    upright = [order for order in ORDERS if trunk_tilt_deg(quats[order]) <= MAX_TILT_DEG]
-    if len(upright) != 2:
-        return upright[0] if upright else usual
-    soles = {order: _soles(quats[order], motion.root_pos_w, joint_pos, robot, fps) for order in ORDERS}
-    other = ORDERS[1 - ORDERS.index(usual)]
-    better, worse = sorted(ORDERS, key=lambda order: (soles[order].score, order != usual))
-    still = max(each.speed for each in soles.values()) <= SLOW
-    if still and soles[worse].tilt_deg - soles[better].tilt_deg < LEVEL_DEG:
-        return usual  # nothing moves and both stand alike: the same motion under two headings
-    if soles[worse].score < SURE * soles[better].score:
-        problem = (
-            f"the order of the root's quaternion can't be inferred: as {usual} the standing sole is tilted by "
-            f"{soles[usual].tilt_deg:.0f} degrees and slides at {soles[usual].speed:.2f} m/s, as {other} by "
-            f"{soles[other].tilt_deg:.0f} degrees and at {soles[other].speed:.2f} m/s."
-        )
-        raise AmbiguousFileError(
-            motion.path, problem, "State `quaternion: wxyz` or `xyzw` for it in data/sources.yaml."
-        )
-    return better
-
-
-def _soles(
-    quat: Float[np.ndarray, "t 4"],
-    root_pos_w: Float[np.ndarray, "t 3"],
-    joint_pos: Float[np.ndarray, "t j"],
-    robot: Robot,
-    fps: float,
-) -> Soles:
-    """How the lower sole stands over frames in a row."""
-    whole = np.isfinite(np.concatenate([quat, root_pos_w, joint_pos], axis=1)).all(axis=1)
-    frames = np.flatnonzero(whole)[:MOST_FRAMES]
-    if len(frames) < 3:
-        return Soles(tilt_deg=0.0, speed=0.0)
-    kinematics = Kinematics(robot)
-    poses = kinematics.forward(root_pos_w[frames], rotation.normalize(quat[frames]), joint_pos[frames])
-    names = [name for side in robot.sole_corners for name in side]
-    corners = kinematics.site_pos_w(poses, names).reshape(len(frames), 2, 4, 3)
-    middle = corners.mean(axis=2)
-    lower = middle[:-1, :, 2].argmin(axis=1)
-    rows = np.arange(len(frames) - 1)
-    together = np.diff(frames) == 1
-    speed = np.linalg.norm(np.diff(middle, axis=0)[rows, lower, :2], axis=1) * fps
-    sole = corners[rows, lower]
-    normal = rotation.normalize(np.cross(sole[:, 2] - sole[:, 0], sole[:, 3] - sole[:, 1]))
-    tilt_deg = np.rad2deg(np.arccos(np.clip(np.abs(normal[:, 2]), 0.0, 1.0)))
-    speed = speed[together] if together.any() else np.zeros(1)
-    return Soles(tilt_deg=float(np.median(tilt_deg)), speed=float(np.median(speed)))

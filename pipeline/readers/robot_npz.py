@@ -19,7 +19,8 @@ from jaxtyping import Float
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files.array_file import ArrayFile
 from pipeline.readers.isaac_amp import PARENTS as HUMANOID
-from pipeline.readers.robot_motion import ORDERS, RobotMotion, robot_of, robots
+from pipeline.readers.quaternion_order import ORDERS
+from pipeline.readers.robot_motion import RobotMotion, robot_of, robots
 from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities, surest
 
 

@@ -14,7 +14,7 @@ from mjlab.envs import ManagerBasedRlEnv
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import OWN_STARTS, drawn_frames
-from pipeline.training.amp.features import positions, state_features
+from pipeline.training.amp.features import floors, positions, state_features
 from pipeline.training.bundle import FPS, Bundle
 from pipeline.training.captured import Captured
 from pipeline.training.config import AFTER_CHANGE_S, Config
@@ -159,7 +159,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
         self.restarts.append(lambda mask: replace(self.steps_since_push, mask, AFTER_CHANGE_STEPS))
         self._with_command = config.discriminator.by_command
-        size = 18 + 2 * len(robot.controlled) + 3 * self._with_command
+        size = len(floors(len(robot.controlled))) + 3 * self._with_command
         self._motion = torch.zeros(self.num_envs, config.discriminator.frames, size, device=self.device)
         self._positions = self.positions()[:, None].repeat(1, 3, 1)  # of the last three steps, the newest last
         super().load_managers()
