@@ -13,6 +13,7 @@ from pipeline.cli.policy_arguments import CrossEngine, Play, Validate
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
 from pipeline.deployment.controller import PolicyMisfitError
+from pipeline.deployment.task import PolicyJointsError
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.files.csv_json import write_json
 from pipeline.project import Project, find_project
@@ -81,8 +82,8 @@ def naming_policy(policy: Path) -> Iterator[None]:
     """Name the policy's file where it does not fit the robot, and what to do."""
     try:
         yield
-    except UnknownNameError as error:
-        raise FileError(policy, f"it is of another robot: {error}.", "Name the policy's robot with --robot.") from error
+    except PolicyJointsError as error:
+        raise FileError(policy, str(error)) from error
     except PolicyMisfitError as error:
         do = "Name a walking policy, and its robot with --robot."
         raise FileError(policy, f"it does not fit the robot: {error}", do) from error

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline.deployment.policy import Policy
-from pipeline.errors import UnknownNameError
+from pipeline.errors import PipelineError, UnknownNameError
 
 if TYPE_CHECKING:
     from pipeline.robot import Robot
@@ -76,14 +76,29 @@ def deployment_task(
     )
 
 
+class PolicyJointsError(PipelineError):
+    """A policy whose gains are of other joints than the robot's."""
+
+    def __init__(self, robot: Robot, names: Sequence[str]):
+        lacking = [name for name in robot.joint_names if name not in names]
+        foreign = [name for name in names if name not in robot.joint_names]
+        has = f" and has {', '.join(foreign)}, which the robot does not have" if foreign else ""
+        super().__init__(
+            f"the policy is not of robot '{robot.name}': it lacks the joints {', '.join(lacking)}{has}. "
+            "Name the policy's robot with --robot."
+        )
+
+
 def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
-    """The task with the policy's own gains and default pose, else the robot's. Raises UnknownNameError for a joint."""
+    """The task with the policy's own gains and default pose, else the robot's. Raises PolicyJointsError."""
     gains = policy.gains
     if gains is None:
         return deployment_task(robot)
+    names = robot.own_names(gains.joint_names)
+    if not set(robot.joint_names) <= set(names):
+        raise PolicyJointsError(robot, names)
     kp, kd, default = (
-        in_order(values, robot.own_names(gains.joint_names), robot.joint_names)
-        for values in (gains.kp, gains.kd, gains.default_joint_pos)
+        in_order(values, names, robot.joint_names) for values in (gains.kp, gains.kd, gains.default_joint_pos)
     )
     return deployment_task(robot, kp=kp, kd=kd, default_joint_pos=default)
 

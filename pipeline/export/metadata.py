@@ -50,7 +50,7 @@ OBSERVATION = "gyro 3, gravity 3, command 3, q - q0, dq, last action; frames tim
 def trained_task(robot: Robot, policy: Policy) -> DeploymentTask:
     """The deployment task of a robot with a policy's own gains.
 
-    Raises ExportError for a policy without gains, UnknownNameError if it lacks a joint of the robot.
+    Raises ExportError for a policy without gains, PolicyJointsError if it lacks a joint of the robot.
     """
     if policy.gains is None:
         raise ExportError("the policy has no gains; export it with the ones that it was trained with.")

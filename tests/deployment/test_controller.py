@@ -15,7 +15,7 @@ from pipeline.deployment import (
     policy_task,
 )
 from pipeline.deployment.controller import PolicyMisfitError, Reading
-from pipeline.deployment.task import in_order
+from pipeline.deployment.task import PolicyJointsError, in_order
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from tests.factories.policies import linear_policy, still_policy
@@ -162,6 +162,15 @@ def test_the_gains_that_travel_with_a_policy_are_used_by_name(robot: Robot, task
     np.testing.assert_allclose(found.kd, 0.1 * found.kp)
     np.testing.assert_allclose(found.default_joint_pos, task.default_joint_pos + 0.01)
     np.testing.assert_array_equal(policy_task(robot, still_policy(task)).kp, robot.kp)
+
+
+def test_a_policy_that_lacks_a_joint_names_it_and_the_robot(robot: Robot, task: DeploymentTask):
+    count = len(task.joint_names) - 1
+    gains = PolicyGains(
+        joint_names=task.joint_names[:-1], kp=np.ones(count), kd=np.ones(count), default_joint_pos=np.zeros(count)
+    )
+    with pytest.raises(PolicyJointsError, match=f"not of robot 't1': it lacks the joints {task.joint_names[-1]}\\. "):
+        policy_task(robot, still_policy(task, gains=gains))
 
 
 def test_gains_come_in_the_order_asked_for():

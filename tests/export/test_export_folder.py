@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.deployment import PolicyController, Reading, digest, load_policy, save_policy
-from pipeline.errors import FileError, SettingsError, UnknownNameError
+from pipeline.deployment.task import PolicyJointsError
+from pipeline.errors import FileError, SettingsError
 from pipeline.expert.licence import LicenceClass
 from pipeline.export import booster_deploy
 from pipeline.export.__main__ import main
@@ -170,7 +171,7 @@ def test_gains_in_another_joint_order_arrive_by_name(robot):
     turned = dataclasses.replace(policy.gains, joint_names=tuple(reversed(robot.joint_names)), kp=kp[::-1])
     np.testing.assert_array_equal(trained_task(robot, dataclasses.replace(policy, gains=turned)).kp, kp)
     lacking = dataclasses.replace(policy.gains, joint_names=("Neck", *robot.joint_names[1:]))
-    with pytest.raises(UnknownNameError, match=robot.joint_names[0]):
+    with pytest.raises(PolicyJointsError, match=f"lacks the joints {robot.joint_names[0]} and has Neck, which"):
         trained_task(robot, dataclasses.replace(policy, gains=lacking))
 
 
