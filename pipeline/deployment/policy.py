@@ -23,6 +23,8 @@ GOLDEN = ("golden_observation", "golden_action")
 LAYER = re.compile(r"L[0-9]+_[wb]")
 MOST_BYTES = 64_000_000
 """Of the file: a network of three layers of 512 has 2 MB."""
+FULL_TURN = 2.0 * np.pi
+"""No joint's default position is beyond it [rad]."""
 EXAMPLE_TOLERANCE = 1e-3
 """Largest deviation of an action from the file's example, as a share of the largest action or of 1 if that is larger;
 networks in single precision are within 1e-5."""
@@ -145,6 +147,12 @@ def _gains(path: Path, named: dict[str, np.ndarray], names: tuple[str, ...]) -> 
         raise FileError(path, f"has only some of the arrays joint_names, {', '.join(GAINS)}.", "Write all or none.")
     if any(named[name].shape != (len(names),) for name in GAINS):
         raise FileError(path, f"has {len(names)} joint names, and gains or default positions of another number.")
+    if (named["kp"] < 0.0).any() or (named["kd"] < 0.0).any():
+        raise FileError(path, "has a kp or kd below 0, which drives a joint away from its target.", "Write 0 or more.")
+    largest = float(np.abs(named["default_joint_pos"]).max(initial=0.0))
+    if largest > FULL_TURN:
+        problem = f"has a default position of {largest:.1f} rad, a joint turns {FULL_TURN:.2f} at most."
+        raise FileError(path, problem, "Convert degrees to radians.")
     return PolicyGains(joint_names=names, **{name: named[name] for name in GAINS})
 
 

@@ -12,6 +12,8 @@ from pipeline.errors import FileError
 from pipeline.robot import Robot
 from tests.factories.policies import random_policy
 
+GAINS = {"joint_names": np.array(["a", "b"]), "kp": np.ones(2), "kd": np.ones(2), "default_joint_pos": np.zeros(2)}
+
 
 @pytest.fixture
 def policy(robot: Robot) -> Policy:
@@ -71,6 +73,8 @@ def test_the_digest_sees_one_weight_and_one_gain(policy: Policy):
         ({"std": np.ones(3)}, "a mean of shape"),
         ({"kp": np.ones(2)}, "only some of the arrays"),
         ({"golden_action": np.ones((1, 2))}, "do not fit its layers"),
+        ({**GAINS, "kp": np.array([1.0, -1.0])}, "a kp or kd below 0"),
+        ({**GAINS, "default_joint_pos": np.array([-71.6, 0.0])}, "of 71.6 rad, .* Convert degrees to radians"),
     ],
 )
 def test_a_policy_file_that_is_none_is_refused(tmp_path: Path, change: dict, match: str):
