@@ -25,8 +25,9 @@ import numpy as np
 
 from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.knee_fit import Interval
+from pipeline.actuators.motor_table import MOTORS, MotorJointError
 from pipeline.actuators.settings import ActuatorSettings
-from pipeline.errors import FileError, UnknownNameError
+from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
 from pipeline.robot import Robot
@@ -115,11 +116,11 @@ class JointActuator:
 
 
 def adapt(nominal: Robot, calibrations: Sequence[Calibration], settings: ActuatorSettings) -> tuple[JointActuator, ...]:
-    """The actuators of the robot's joints, in its order. Raises UnknownNameError for an unknown joint."""
+    """The actuators of the robot's joints, in its order. Raises MotorJointError for an unknown joint."""
     by_joint = {joint: each for each in calibrations for joint in each.joints}
-    for joint in by_joint:
+    for joint, found in by_joint.items():
         if joint not in nominal.joint_names:
-            raise UnknownNameError("joint", joint, nominal.joint_names)
+            raise MotorJointError(MOTORS, found.motor, joint, nominal)
     return tuple(_actuator(nominal, joint, by_joint.get(joint), settings) for joint in nominal.joint_names)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.actuators.calibrate import Calibration, calibrate
-from pipeline.actuators.motor_table import Motor, read_motors
+from pipeline.actuators.motor_table import MOTORS, Motor, read_motors
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Store
 from pipeline.errors import FileError
@@ -59,7 +59,6 @@ def read_published(folder: Path) -> dict[str, PublishedCurve]:
         raise FileError(path, f"{error}.", "Write a model and three numbers a row.") from error
 
 
-MOTORS = "motors.csv"
 TOO_LARGE = f"# more than {MAX_BYTES} bytes\n"
 """Stands for the text of a file that is larger than any sweep; it has no rows, which is why it is refused."""
 

@@ -6,7 +6,9 @@ from pathlib import Path
 from pipeline.actuators.settings import ModelSettings
 from pipeline.errors import FileError
 from pipeline.files.csv_json import csv_records, plain_integer, plain_number, read_csv_text
+from pipeline.robot import Robot
 
+MOTORS = "motors.csv"
 COLUMNS = ("motor", "model", "joints", "motors_per_joint", "gear_ratio", "rotor_inertia [kg m^2]", "source")
 
 
@@ -34,6 +36,14 @@ class Motor:
         if self.gear_ratio is None or self.rotor_inertia is None:
             return None
         return float(f"{self.motors_per_joint * self.gear_ratio**2 * self.rotor_inertia:.12g}")
+
+
+class MotorJointError(FileError):
+    """A motor of the table that moves a joint which the robot lacks."""
+
+    def __init__(self, path: Path | str, motor: str, joint: str, robot: Robot):
+        problem = f"motor '{motor}' moves the joint '{joint}', which robot '{robot.name}' does not have."
+        super().__init__(path, problem, f"Name joints of its joints.csv: {', '.join(robot.joint_names)}.")
 
 
 def read_motors(path: Path, settings: ModelSettings) -> tuple[Motor, ...]:

@@ -118,7 +118,7 @@ class _Rows:
 
 def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettings) -> Measurement:
     """The sweep of `motor` in the text of a file, which messages call `file`. Raises FileError (AmbiguousFileError)."""
-    about, table = _split(text)
+    about, table = _split(text, file)
     rows = _read_table(table, file, motor.name, about.get("decimal"))
     speed_factor, torque_factor = _to_joint(about, file, motor)
     _check(rows, file, settings)
@@ -131,8 +131,8 @@ def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettin
     return Measurement(speed=speed[order], torque=torque[order], forward=forward[order], about=about, notes=notes)
 
 
-def _split(text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
-    """Statements of comment lines, and the other lines with their numbers."""
+def _split(text: str, file: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
+    """Statements of comment lines, and the other lines with their numbers. Raises FileError for one that is no text."""
     about: dict[str, str] = {}
     table = []
     for line, content in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
@@ -141,6 +141,9 @@ def _split(text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
             if colon:
                 about[name.strip().lower()] = value.strip()
         elif content.strip():
+            if "\ufffd" in content or "\0" in content:
+                do = "Save it as UTF-8 (in a spreadsheet: 'CSV UTF-8'); unpack it if it is packed."
+                raise FileError(file, "the line is no UTF-8 text.", do, line)
             table.append((line, content))
     return about, table
 

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.actuators.folder import MOTORS
-from pipeline.actuators.motor_table import Motor, read_motors
+from pipeline.actuators.motor_table import MOTORS, Motor, MotorJointError, read_motors
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, settings
@@ -87,11 +86,13 @@ ROBOTS = Path("robots")
 def drives(robot: Robot, motors: Sequence[Motor], table: Path) -> dict[str, Curve]:
     """Curves by motor name, with knees at the nominal limits of the motor's joints.
 
-    Raises UnknownNameError for a joint that the robot lacks, FileError naming `table` if the joints of a motor have
-    different limits.
+    Raises FileError naming `table` for a joint that the robot lacks, and for joints of a motor with different limits.
     """
     found = {}
     for motor in motors:
+        strange = [name for name in motor.joints if name not in robot.joint_names]
+        if strange:
+            raise MotorJointError(table, motor.name, strange[0], robot)
         places = [robot.joint(name) for name in motor.joints]
         limits = {(float(robot.torque_limit[place]), float(robot.motor_speed_limit[place])) for place in places}
         if len(limits) != 1:

@@ -74,6 +74,11 @@ def test_torque_noise_about_zero_is_no_braking():
         (written(SPEED, TORQUE).replace("48.000000", "60.000000", 20), "these are several curves"),
         (written(SPEED, TORQUE).replace("30.000000", "90.000000", 20), "torque derates"),
         ("# side: joint\n", "has no rows"),
+        (
+            written(SPEED, TORQUE).encode("utf-16").decode("utf-8", "replace"),
+            "line 1: the line is no UTF-8 .* Save it as",
+        ),
+        (written(SPEED, TORQUE).replace("degC", "\ufffdC"), "the line is no UTF-8 text. Save it as UTF-8"),
     ],
 )
 def test_what_is_wrong_or_open_is_refused_with_the_reason(text: str, match: str):

@@ -97,7 +97,7 @@ def test_the_adapted_k1_stands(k1: Robot, k1_actuators, root: Path):
     ("old", "new", "match"),
     [
         (",25,76.5e-6,", ",25,,", "has one of gear_ratio and rotor_inertia"),
-        ("Left_Hip_Yaw Right_Hip_Yaw", "Left_Hip_Yaw Waist", "unknown joint 'Waist'"),
+        ("Left_Hip_Yaw Right_Hip_Yaw", "Left_Hip_Yaw Waist", "motors.csv: motor 'hip_yaw' moves the joint 'Waist', "),
         ("Right_Hip_Yaw,1", "AAHead_yaw,1", "is moved by 'head_yaw' and 'hip_yaw'"),
     ],
 )

@@ -20,7 +20,7 @@ from pipeline.actuators.folder import read_published
 from pipeline.actuators.motor_table import read_motors
 from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.actuators.synthesize import Curve, Sweep, drives, measurement_text
-from pipeline.errors import FileError, UnknownNameError
+from pipeline.errors import FileError
 from pipeline.files import settings
 from pipeline.robot import Robot, load_robot
 from tests.factories.sweeps import CURVE, SETTINGS, points, written
@@ -150,7 +150,9 @@ def test_a_knee_that_is_far_off_the_model_is_taken_for_another_unit(calibrations
 
 
 def test_a_joint_that_the_robot_lacks_is_named(calibrations, robot: Robot):
-    with pytest.raises(UnknownNameError, match="unknown joint 'Tail'"):
+    with pytest.raises(
+        FileError, match=r"motors\.csv: motor 'head_yaw' moves the joint 'Tail', which robot 't1' does not"
+    ):
         adapt(robot, [dataclasses.replace(calibrations[0], joints=("Tail",))], SETTINGS)
 
 
