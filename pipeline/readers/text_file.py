@@ -172,7 +172,8 @@ def open_text(path: Path) -> MotionText:
     with path.open("rb") as stream:
         while block := stream.read(SCANNED_BYTES):
             if b"\0" in block:
-                raise FileError(path, "the file is not text: it contains zero bytes.")
+                do = "Save it as UTF-8 if it is UTF-16; unpack it if it is packed."
+                raise FileError(path, "the file is not text: it contains zero bytes.", do)
             ends += block.count(b"\n") + block.count(b"\r")
             if encoding == "utf-8-sig":
                 try:
