@@ -27,6 +27,7 @@ from pipeline.validation.deployed import deployed
 READY = "ready_to_sign"
 VERDICTS = ("mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles")
 """Assets that evaluate the policy; each stores its verdict under the key `passed`."""
+DATABASE = "expert_db"
 SPEEDS_M_S = (0.6, 2.0)
 """Walks that are shown."""
 LONGEST_FACT = 90
@@ -81,7 +82,10 @@ def gather(
         policy=facts.get("digest", ""),
         card=card,
         conditions=conditions,
-        lineage=tuple(_lineage(name, plan, events[name], stale) for name, plan in known.items()),
+        lineage=tuple(
+            _lineage(plan, events[name], stale, facts.get("database", "") if name == DATABASE else "")
+            for name, plan in known.items()
+        ),
         verdicts=tuple(
             _verdict(instance, name, project, known.get(name), events.get(name), facts.get("digest", ""), stale)
             for name in VERDICTS
@@ -160,7 +164,10 @@ def _last(instance: dg.DagsterInstance, key: dg.AssetKey) -> dg.AssetMaterializa
     return event.asset_materialization if event is not None else None
 
 
-def _lineage(name: str, plan: Plan, event: dg.AssetMaterialization | None, stale: Mapping[dg.AssetKey, str]) -> Origin:
+def _lineage(
+    plan: Plan, event: dg.AssetMaterialization | None, stale: Mapping[dg.AssetKey, str], trained_on: str
+) -> Origin:
+    """An asset in place; `trained_on`: of the database, the digest of the one that the policy was trained on."""
     asset = plan.key.to_user_string()
     if event is None:
         return Origin(asset=asset, version="none", remark="never materialized here")
@@ -170,9 +177,11 @@ def _lineage(name: str, plan: Plan, event: dg.AssetMaterialization | None, stale
         plain = f"{value.value:.4g}" if isinstance(value, dg.FloatMetadataValue) and value.value is not None else plain
         if plain is not None and "/" not in key and len(str(plain)) <= LONGEST_FACT:
             facts.append((key, str(plain)))
-    version = (event.tags or {}).get(DATA_VERSION_TAG, "not stated")[:12]
-    why = stale.get(plan.key)
-    return Origin(asset=asset, version=version, remark=f"stale: {why}" if why else "", facts=tuple(facts[:FACTS]))
+    version = (event.tags or {}).get(DATA_VERSION_TAG, "not stated")
+    remarks = [f"stale: {stale[plan.key]}"] if plan.key in stale else []
+    if trained_on and trained_on != version:
+        remarks.append(f"the policy was trained on another database: {trained_on[:12]}")
+    return Origin(asset=asset, version=version[:12], remark="; ".join(remarks), facts=tuple(facts[:FACTS]))
 
 
 def _card(

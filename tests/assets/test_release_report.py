@@ -48,6 +48,7 @@ def digest_of_policy(project, robot):
         "digest": card.digest,
         "name": "walk",
         "origin": "trained here",
+        "database": "d1",
         "folder": folder.relative_to(project.root).as_posix(),
     }
     store(project, "exported_policy", facts)
@@ -124,6 +125,17 @@ def test_pictures_and_facts_come_from_the_assets_own_page(project, digest_of_pol
     (origin,) = [each for each in dossier.lineage if each.asset == "mujoco_validation"]
     assert origin.version == "0123456789ab"
     assert origin.facts == (("cells", "61"), ("suite", "full"), ("worst error", "0.04321"))
+
+
+@pytest.mark.parametrize(
+    ("version", "remark"), [("d1", ""), ("d2" * 32, "the policy was trained on another database: d1")]
+)
+def test_a_database_that_the_policy_was_not_trained_on_is_named(project, digest_of_policy, version, remark):
+    with dg.DagsterInstance.ephemeral() as instance:
+        tags = {"dagster/data_version": version}
+        instance.report_runless_asset_event(dg.AssetMaterialization(KNOWN["expert_db"].key, tags=tags))
+        dossier = gathered(project, instance)
+    assert [each.remark for each in dossier.lineage if each.asset == "expert_db"] == [remark]
 
 
 @dg.asset(key=KNOWN["mujoco_validation"].key)
