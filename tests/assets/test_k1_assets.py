@@ -117,6 +117,8 @@ def test_a_robot_without_required_speeds_says_that_nothing_was_shown(project: Pr
     )
     (check,) = result.get_asset_check_evaluations()
     assert (check.passed, check.metadata["found"].value) == (False, limit_cycles.NONE_REQUIRED)
+    verdict = result.output_for_node("k1__limit_cycles").settings[limit_cycles.VERDICT]
+    assert (verdict["passed"], verdict["reasons"]) == (False, [limit_cycles.NONE_REQUIRED])
 
 
 def test_falls_of_a_k1_in_22_motor_logs_become_a_proposal_for_it_alone(project: Project, k1: Robot, tmp_path: Path):
