@@ -28,7 +28,7 @@ STANDING_S = 3.0
 RANGE = (0.05, 6.4)
 """Least and largest range of a joint [rad]."""
 SPEEDS = (1.0, 100.0)
-"""Least and largest speed limit [rad/s]."""
+"""Least and largest speed limit and motor speed [rad/s]."""
 GROWTH = 1.001
 """Factor by which a disturbance may grow in one physics step."""
 MARGIN = 0.9
@@ -114,10 +114,11 @@ def drives(robot: Robot) -> Iterator[Finding]:
         if not RANGE[0] <= span <= RANGE[1]:
             text = f"joint '{name}' has a range of {span:.4g} rad"
             yield Finding(code="limits", text=f"{text}; {RANGE[0]:g} to {RANGE[1]:g} rad are expected (joints.csv).")
-        speed = float(robot.retarget_speed_limit[joint])
-        if not SPEEDS[0] <= speed <= SPEEDS[1]:
-            text = f"joint '{name}' has a speed limit of {speed:.4g} rad/s"
-            yield Finding(code="limits", text=f"{text}; {SPEEDS[0]:g} to {SPEEDS[1]:g} are expected (joints.csv).")
+        speeds = {"speed limit": robot.retarget_speed_limit, "motor_speed": robot.motor_speed_limit}
+        for what, speed in {what: float(values[joint]) for what, values in speeds.items()}.items():
+            if not SPEEDS[0] <= speed <= SPEEDS[1]:
+                text = f"joint '{name}' has a {what} of {speed:.4g} rad/s"
+                yield Finding(code="limits", text=f"{text}; {SPEEDS[0]:g} to {SPEEDS[1]:g} are expected (joints.csv).")
     needed = np.abs(_standing_torque(robot))
     for joint, name in enumerate(robot.joint_names):
         limit, kp = float(robot.torque_limit[joint]), float(robot.kp[joint])

@@ -72,6 +72,11 @@ MISTAKES = {
     "a limit in degrees": Mistake(
         cell("joints.csv", "Left_Knee_Pitch", "upper", lambda rad: 57.3 * rad), "limits", "Left_Knee_Pitch"
     ),
+    "a motor speed in rpm": Mistake(
+        cell("joints.csv", "Waist", "motor_speed", lambda rad: 9.55 * rad),
+        "limits",
+        "'Waist' has a motor_speed of 120 rad/s",
+    ),
     "a default position outside its limits": Mistake(
         cell("joints.csv", "Left_Knee_Pitch", "default_pos", "-0.4"), "tables", "Left_Knee_Pitch", rendered=False
     ),
