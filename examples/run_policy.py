@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.deployment import PolicyController, load_policy, policy_task
+from pipeline.export.card import read_card
 from pipeline.robot import load_robot
 from pipeline.simulation.mujoco_plant import MujocoPlant
 from pipeline.simulation.run import run
@@ -13,9 +14,10 @@ from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 SECONDS, SETTLED_S = 6.0, 2.0
 
-policy = load_policy(Path(sys.argv[1]) / "policy.npz")
+folder = Path(sys.argv[1])
+policy = load_policy(folder / "policy.npz")
 command = np.array([float(text) for text in sys.argv[2:5]])  # forward, lateral [m/s], yaw rate [rad/s]
-robot = load_robot("t1")
+robot = load_robot(read_card(folder).robot)
 
 # The controller is the one that runs on the robot: sensor readings in, joint targets out, at 50 Hz.
 task = policy_task(robot, policy)

@@ -73,8 +73,9 @@ def test_windows_are_drawn_by_weight_and_stay_in_a_clip(example, robot, tmp_path
     assert "windows (64, 4, 72)" in printed
 
 
-def test_the_shipped_policy_walks_at_the_command(example):
-    printed = example("run_policy", "robots/t1/policies/walk", 1.0, 0, 0)
+@pytest.mark.parametrize("robot", ["t1", "k1"])
+def test_the_shipped_policy_walks_at_the_command(example, robot: str):
+    printed = example("run_policy", f"robots/{robot}/policies/walk", 1.0, 0, 0)
     assert number(r"mean speed ([\d.]+) m/s", printed) == pytest.approx(1.0, abs=0.1)
 
 
