@@ -14,10 +14,11 @@ from pipeline.expert.licence import LicenceClass
 from pipeline.export import booster_deploy
 from pipeline.export.__main__ import main
 from pipeline.export.booster_deploy import write_task_folder
-from pipeline.export.card import read_card
+from pipeline.export.card import page, read_card
 from pipeline.export.folder import Source, complete_export, export_policy, read_export, thinned
 from pipeline.export.metadata import SHIPPABLE, ExportError, shipping, trained_task
 from pipeline.export.parity import read_golden
+from pipeline.robot.load import ROBOTS, robot_names
 from pipeline.validation.cells import command_cells
 from tests.factories.networks import network, network_file
 from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
@@ -46,6 +47,12 @@ def export(tmp_path_factory, robot):
     folder = tmp_path_factory.mktemp("export")
     exported(folder, robot)
     return read_export(folder / "out", robot)
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_the_page_of_a_shipped_policy_shows_all_facts_of_its_card(name):
+    folder = ROBOTS / name / "policies" / "walk"
+    assert (folder / "CARD.md").read_text() == page(read_card(folder))
 
 
 def test_an_export_reads_as_it_was_written(export, robot):
