@@ -16,6 +16,7 @@ from assets.approved import approved_versions
 from assets.freshness import last_tags, last_tags_of, stale_reasons
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import SHARED, Plan, key_of, plans, robot_plans
+from assets.report import stop
 from assets.sources import (
     DATA_VERSION_TAG,
     RAW_MOTIONS,
@@ -89,7 +90,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
 
     A policy that is trained on a GPU has its tracker trained first where it needs one.
 
-    Raises dg.Failure when that run fails, SourceLostError where motions are needed and a source of an earlier run is
+    The run stops when that one fails. Raises SourceLostError where motions are needed and a source of an earlier run is
     gone.
     """
     selected = assets_of(run)
@@ -119,7 +120,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
 def work_again(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger) -> None:
     """Materialize the databases and all between them and the motions in a run of their own, stale or not.
 
-    Of the robots the default one's and those that have a database. Raises dg.Failure when that run fails.
+    Of the robots the default one's and those that have a database. The run stops when that one fails.
     """
     databases = {robot: robot_plans(robot)["expert_db"].key for robot in project.robots}
     there = {key for robot, key in databases.items() if robot == DEFAULT_ROBOT or last_tags(instance, key) is not None}
@@ -135,10 +136,11 @@ def _materialize(
     run: dg.DagsterRun,
     keys: list[dg.AssetKey],
     log: logging.Logger | None,
-    failure: str,
+    beginning: str,
     configs: Mapping[dg.AssetKey, dict[str, Any]] | None = None,
 ) -> None:
-    """Materialize assets in a run that belongs to another one. Raises dg.Failure, which begins with `failure`."""
+    """Materialize assets in a run that belongs to another one. Where it fails, the other one stops with a sentence of
+    this `beginning`."""
     job = _graph().resolve_implicit_global_asset_job_def()
     if log:
         job = job.with_hooks({_progress(log, len(keys))})
@@ -154,7 +156,7 @@ def _materialize(
     )
     if not result.success:
         failed = [f"'{event.step_key}': {cause(event)}" for event in result.all_events if event.is_step_failure]
-        raise dg.Failure(f"{failure} (run {result.run_id}). {'; '.join(failed)}", allow_retries=False)
+        stop(f"{beginning} (run {result.run_id}). {'; '.join(failed)}")
 
 
 def _progress(log: logging.Logger, stages: int) -> dg.HookDefinition:

@@ -61,11 +61,11 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
     """The findings on a trial. A fault of one trial does not stop the others.
 
-    Raises dagster.Failure for settings, a robot or a store that cannot be read or written: no fault of the log.
+    Settings, a robot or a store that cannot be read or written stop the run: no fault of the log.
     """
     try:
         return _looked_at(name, path, numbers)
-    except dg.Failure:
+    except dg.DagsterUserCodeExecutionError:
         raise
     except PipelineError as error:
         return {"unread": str(error)}

@@ -3,10 +3,11 @@
 import base64
 import functools
 import inspect
+import sys
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NoReturn
 from urllib.parse import quote
 
 import dagster as dg
@@ -216,13 +217,28 @@ def joint_table(robot: Robot) -> pd.DataFrame:
     return pd.DataFrame({"joint": robot.joint_names, **{name: list(values) for name, values in columns.items()}})
 
 
+def stop(sentence: str) -> NoReturn:
+    """Fail a run so that a sentence is what its events begin and end with, in a terminal and in the web UI.
+
+    Dagster lists its own frames below whatever is raised, a dg.Failure too. Of a step's error of user code it leaves
+    them out and shows the cause as well, which here has no frames because it is not itself what is raised.
+    """
+    cause = dg.Failure(sentence, allow_retries=False)
+    try:
+        raise cause from None
+    except dg.Failure:
+        here = sys.exc_info()  # Dagster requires a traceback; this one has one frame
+    error = dg.DagsterUserCodeExecutionError(sentence.rstrip("."), user_exception=cause, original_exc_info=here)
+    raise error from cause.with_traceback(None)
+
+
 @contextmanager
 def as_failure() -> Iterator[None]:
-    """Turn a PipelineError or TrainingError into a Failure with its message, without a retry."""
+    """Stop the run with the message of a PipelineError or TrainingError."""
     try:
         yield
     except (PipelineError, TrainingError) as error:
-        raise dg.Failure(str(error), allow_retries=False) from None
+        stop(str(error))
 
 
 def _body(function: Callable[..., Any], plan: Plan) -> Callable[..., Any]:

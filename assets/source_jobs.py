@@ -8,7 +8,7 @@ one source each: of what this job works on, the shards of other sources are reca
 import dagster as dg
 
 from assets.bootstrap import work_again
-from assets.report import as_failure
+from assets.report import as_failure, stop
 from assets.sources import SOURCES, SOURCES_NAME
 from pipeline.batch.again import working_again_on
 from pipeline.errors import UnknownNameError
@@ -24,7 +24,7 @@ def work_on_source_again(context: dg.OpExecutionContext):
     """Run all stages and the databases, with the clips of the partition's source worked on again."""
     source, known = context.partition_key, context.instance.get_dynamic_partitions(SOURCES_NAME)
     if source not in known:  # a run that is launched by its tag is not checked by Dagster
-        raise dg.Failure(str(UnknownNameError("source", source, list(known))), allow_retries=False)
+        stop(str(UnknownNameError("source", source, list(known))))
     with as_failure(), working_again_on([f"{source}/"]):
         work_again(context.instance, context.run, PROJECT, context.log)
 

@@ -104,7 +104,7 @@ def test_a_limit_written_by_hand_is_held_against_the_calibrated_one(root, tmp_pa
     monkeypatch.setattr(actuators, "PROJECT", project)
     asset = actuators.adapted_robot(robot_plans("t1")["adapted_robot"])
     nothing = Manifest(stage="actuator_calibration", entries=(), judged=(), settings={})
-    with pytest.raises(dg.Failure, match=says):
+    with pytest.raises(dg.DagsterUserCodeExecutionError, match=says):
         asset(actuator_calibration=nothing, robot_model=nothing)
     assert not project.adapted_robot("t1").exists()
 

@@ -74,21 +74,21 @@ def test_a_store_that_cannot_be_read_or_written_is_no_unreadable_log(project, ro
     write_trial(path, trial)
     numbers = {"robot": "t1", "log": "x"}
     (project.store.root / "memo").write_text("a file where a folder has to be")
-    with pytest.raises(dg.Failure, match=r"memo.*could not be read.*Check the disk"):
+    with pytest.raises(dg.DagsterUserCodeExecutionError, match=r"memo.*could not be read.*Check the disk"):
         failure_modes._answer("x", path, numbers)
     monkeypatch.setattr(Store, "recall", lambda *asked: None)
-    with pytest.raises(dg.Failure, match=r"memo.*could not be written.*MB are free"):
+    with pytest.raises(dg.DagsterUserCodeExecutionError, match=r"memo.*could not be written.*MB are free"):
         failure_modes._answer("x", path, numbers)
 
 
 def test_settings_and_a_calibration_that_cannot_be_read_are_no_unreadable_log(project, tmp_path):
     numbers = {"robot": "t1", "log": "x"}
     (tmp_path / "data/actuators.yaml").unlink()
-    with pytest.raises(dg.Failure, match=r"actuators\.yaml"):
+    with pytest.raises(dg.DagsterUserCodeExecutionError, match=r"actuators\.yaml"):
         failure_modes._answer("x", tmp_path / "trial.parquet", numbers)
     (tmp_path / "data/actuators.yaml").symlink_to(ROOT / "data/actuators.yaml")
     project.store.manifest_path("actuator_calibration").write_text("{")
-    with pytest.raises(dg.Failure, match="actuator_calibration"):
+    with pytest.raises(dg.DagsterUserCodeExecutionError, match="actuator_calibration"):
         failure_modes._answer("x", tmp_path / "trial.parquet", numbers)
 
 
