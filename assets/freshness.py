@@ -9,13 +9,13 @@ from graphlib import TopologicalSorter
 
 import dagster as dg
 
-from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_TAG, Plan
+from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_TAG, TRIALS, WALKS_TAG, Plan, digest_of_walks
 from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
 from pipeline.expert.index import database_version
 from pipeline.feasibility.criteria_table import belongs, path_beside
 from pipeline.files import digest
-from pipeline.project import Project
+from pipeline.project import DEFAULT_ROBOT, Project
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
 NEVER_MATERIALIZED = "INITIAL"
@@ -45,7 +45,7 @@ def stale_reasons(
             continue
         tags, plan = last.get(key), plans[key]
         versions[key] = (tags or {}).get(DATA_VERSION_TAG)
-        inputs = (_why_by_input(tags or {}, plan, parent, stale, versions) for parent in sorted(parents[key]))
+        inputs = (_why_by_input(tags or {}, project, plan, parent, stale, versions) for parent in sorted(parents[key]))
         reason = (forced or {}).get(key) or _why_by_itself(tags, project, plan) or next(filter(None, inputs), "")
         if reason:
             stale[key] = reason
@@ -71,6 +71,7 @@ def _why_by_itself(tags: Mapping[str, str] | None, project: Project, plan: Plan)
 
 def _why_by_input(
     tags: Mapping[str, str],
+    project: Project,
     plan: Plan,
     parent: dg.AssetKey,
     stale: Mapping[dg.AssetKey, str],
@@ -82,6 +83,8 @@ def _why_by_input(
         return f"'{name}' is stale"
     used = tags.get(INPUT_VERSION_PREFIX + name)
     same = (None if used == NEVER_MATERIALIZED else used) == versions.get(parent)
+    if not same and plan.walks_in_logs and parent == TRIALS.key:
+        same = tags.get(WALKS_TAG) == digest_of_walks(project, plan.robot or DEFAULT_ROBOT)
     return "" if same else f"'{name}' has new content"
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import dagster as dg
 
 from assets.hardware import trials_of as files_of
-from assets.plan import TRIALS, Plan
+from assets.plan import TRIALS, WALKS_TAG, Plan, digest_of_walks
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, served
 from assets.report import check_result, picture, result_of, robot_asset, table_of
 from pipeline.batch import Manifest
@@ -67,7 +67,7 @@ def limit_cycles(
         **({"cycles": table_of(rows)} if rows else {}),
         **({"comparisons": table_of(compared)} if compared else {}),
     }
-    return result_of(plan, {VERDICT: verdict}, metadata, [check])
+    return result_of(plan, {VERDICT: verdict}, metadata, [check], tags={WALKS_TAG: digest_of_walks(PROJECT, robot)})
 
 
 NONE_REQUIRED = "no speed is required by `limit_cycles` of the robot's validation.yaml: nothing was shown"

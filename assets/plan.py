@@ -11,6 +11,7 @@ from typing import Any
 import dagster as dg
 
 from pipeline.batch.code_version import code_version
+from pipeline.errors import PipelineError
 from pipeline.files import digest, settings
 from pipeline.project import DEFAULT_ROBOT, Project
 
@@ -20,6 +21,9 @@ FINGERPRINT_TAG = "booster_lab/fingerprint"
 
 FAULTS_TAG = "booster_lab/faults"
 """Tag of a materialization: how many clips were lost to a fault of the stage itself, not to a verdict."""
+
+WALKS_TAG = "booster_lab/walks"
+"""Tag of a materialization: the walks in logs that it contains (`digest_of_walks`)."""
 
 FINGERPRINT_DIGITS = 40
 """Hex digits of a fingerprint; Dagster allows a tag 63 characters."""
@@ -51,6 +55,9 @@ class Plan:
     """Whether it depends on the policies that ship with the robot."""
     every_robot: bool = False
     """Whether it depends on the folders of all robots: a log of hardware is of one of them."""
+    walks_in_logs: bool = False
+    """Whether of the content of `hardware_trials` only the walks count that the exported policy of its robot made at
+    the speeds of `limit_cycles.yaml`."""
     policies_at_hand: bool = False
     """Whether it depends on the files of all policies at hand, of all robots: a log names its policy by digest."""
 
@@ -102,6 +109,30 @@ def digest_of_policies(project: Project, robot: str) -> str:
     """Digest of what ships in a robot's `policies/`: of the heads, which state the digests of all else."""
     folder = project.shipped_policies(robot)
     return digest.of_files(sorted(folder.rglob("*.json")), folder)
+
+
+def digest_of_walks(project: Project, robot: str) -> str:
+    """Digest of the trials in which the exported policy of a robot walks at a speed of `limit_cycles.yaml`.
+
+    Trials, a policy or settings that can't be read count as none: they are stale themselves, or fail the asset.
+    """
+    from pipeline.hardware_logs import read_trial
+    from pipeline.validation.limit_cycle_walks import steady_span
+    from pipeline.validation.limit_cycles import LimitCycleSettings
+
+    walked: list[tuple[str, str]] = []
+    try:
+        values = project.read("limit_cycles.yaml", LimitCycleSettings)
+        (served,) = project.store.load(key_of("exported_policy", robot).to_user_string()).settings.values()
+        policies = {served["digest"], served["files"]["policy.npz"]}
+        for entry in project.store.load(TRIALS.name).entries:
+            if entry.numbers.get("robot") == robot and entry.numbers.get("policy_digest") in policies:
+                trial = read_trial(project.store.own_blobs.path(entry.blob))
+                if any(steady_span(trial, speed, values) is not None for speed in values.speeds_m_s):
+                    walked.append((entry.clip, entry.blob))
+    except (PipelineError, OSError):
+        pass
+    return digest.of_json(sorted(walked))[:FINGERPRINT_DIGITS]
 
 
 SOURCES, SELECTION, REPAIR, HARDWARE = "sources", "KP1_selection", "KP2_repair", "hardware_feedback"
@@ -214,6 +245,7 @@ _OF_ROBOT = (
         (*_WALKS, "dart", "hardware_logs"),
         ("limit_cycles.yaml", "validation.yaml"),
         as_they_are=("hardware_trials",),
+        walks_in_logs=True,
         **_BARS,
     ),
     Plan("release_report", VALIDATION, ("release", "export", *_WALKS), as_they_are=RELEASED),
