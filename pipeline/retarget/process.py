@@ -131,7 +131,8 @@ def numbers_of(clip: RobotClip, human: HumanClip, leg_ratio: float, robot: Robot
         **{key: value for key, value in figures.items() if key.endswith("_error_deg")},
     }
     known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-    return {"leg_ratio": leg_ratio, **known, "worst_figure": worst, "times_its_bar": times, **velocity_of(clip)}
+    known |= {"seconds": clip.duration_s, "leg_ratio": leg_ratio}
+    return {**known, "worst_figure": worst, "times_its_bar": times, **velocity_of(clip)}
 
 
 def changes_of(targets: Targets) -> dict[str, float]:

@@ -205,6 +205,12 @@ def test_limbs_trunk_and_heading_follow_the_person():
     assert numbers["heading_error_deg"] < 2.0
 
 
+def test_the_seconds_of_a_clip_are_the_robots():
+    human = walker(seconds=1.0).cut(0, 58, "cut")
+    (piece,) = process(human, {"seconds": human.duration_s}, settings=SETTINGS, robot=ROBOT).pieces
+    assert piece.numbers["seconds"] == piece.clip.duration_s != human.duration_s
+
+
 def test_a_clips_numbers_are_the_scorers_and_name_the_worst():
     human, clip = walking()
     numbers = process(human, {}, settings=SETTINGS, robot=ROBOT).pieces[0].numbers
