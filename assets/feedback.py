@@ -189,11 +189,11 @@ def sim_to_real_report(failure_modes: Manifest):
 
 def _twin_row(name: str, twin: dict[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {"trial": name, "from [s]": twin["start_s"], "to [s]": twin["stop_s"]}
-    for place, axis in enumerate(("forward", "lateral", "yaw")):
+    for place, (axis, unit) in enumerate((("forward", "m/s"), ("lateral", "m/s"), ("yaw", "rad/s"))):
         row |= {
-            f"{axis} commanded": twin["command"][place],
-            f"{axis} achieved": twin["achieved"][place],
-            f"{axis} simulated": twin["simulated"][place],
+            f"{axis} commanded [{unit}]": twin["command"][place],
+            f"{axis} achieved [{unit}]": twin["achieved"][place],
+            f"{axis} simulated [{unit}]": twin["simulated"][place],
         }
     row["simulation fell"] = twin["simulation_fell"]
     for each in twin["cycles"]:

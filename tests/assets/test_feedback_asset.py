@@ -201,3 +201,12 @@ def test_without_a_person_a_broken_file_is_written_anew(project):
     project.feedback.approved.write_text("approvals: 3\n")
     assert page(project, fall(1))[1].passed
     assert len(project.feedback.approvals().changes) == 3
+
+
+def test_a_trial_beside_its_simulation_has_units(project):
+    velocities = {"command": [0.6, 0.0, 0.1], "achieved": [0.5, 0.0, 0.1], "simulated": [0.55, 0.0, 0.1]}
+    twin = {"start_s": 1.0, "stop_s": 9.0, "simulation_fell": False, "cycles": [], "notes": [], **velocities}
+    found = Manifest(stage="failure_modes", entries=(), judged=(), settings={"walk": {"twin": twin}})
+    (row,) = feedback.sim_to_real_report(found).metadata["trials against their simulation"].records
+    assert row.data["forward achieved [m/s]"] == "0.5"
+    assert row.data["yaw commanded [rad/s]"] == "0.1"
