@@ -113,14 +113,14 @@ Outages = UseAppendAction[
     tuple[Annotated[tuple[float, float, tuple[str, ...]], option("T,UNTIL[,JOINT...]", outage)], ...]
 ]
 RobotName = Annotated[str, arg(metavar="NAME", help="robot, a folder of robots/")]
-PolicyFile = Annotated[Positional[Path], arg(metavar="POLICY", help="npz, or the folder of an exported policy")]
+PolicyFile = Annotated[Positional[Path], arg(metavar="POLICY", help="npz file, or folder of an exported policy")]
 AnkleKd = Annotated[
     Number,
-    arg(help="damping of the ankles [N m s/rad], for a policy whose file does not say with which it is deployed"),
+    arg(help="ankle damping of the deployed policy [N m s/rad], if its file does not contain it"),
 ]
 Naming = Annotated[
-    Text, arg(help="joint names in the output: a column of the robot's aliases.csv; the robot's own where not given")
+    Text, arg(help="joint names in the output: a column of the robot's aliases.csv; default: the robot's names")
 ]
 Workers = Annotated[
-    int, option("N", integer("a number of processes", 0, 1000)), arg(help="processes; 0 for one per core")
+    int, option("N", integer("a number of processes", 0, 1000)), arg(help="number of processes; 0: one per core")
 ]
