@@ -23,21 +23,21 @@ def option(metavar: str, read: Callable[[str], Any], choices: tuple[str, ...] | 
 
 def file(text: str) -> Path:
     if Path(text).is_dir():
-        raise ValueError(f"{text} is a folder, wanted a file")
+        raise ValueError(f"{text} is a folder, expected a file")
     return Path(text)
 
 
 def rate(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 1000.0:
-        raise ValueError(f"{text} is not a rate in Hz, wanted more than 0 and at most 1000")
+        raise ValueError(f"{text} is not a rate in Hz, expected more than 0 and at most 1000")
     return value
 
 
 def integer(what: str, low: int, high: int) -> Callable[[str], int]:
     def read(text: str) -> int:
         if not text.isdecimal() or not low <= int(text) <= high:
-            raise ValueError(f"{text} is not {what}, wanted {low} to {high}")
+            raise ValueError(f"{text} is not {what}, expected {low} to {high}")
         return int(text)
 
     return read
@@ -57,7 +57,7 @@ def within(low: float, high: float) -> Callable[[str], float]:
         value = float(text)
         if not (math.isfinite(value) and low <= value <= high):
             limits = f"{low:g} or more" if high == math.inf else f"{low:g} to {high:g}"
-            raise ValueError(f"{text} is out of range, wanted {limits}")
+            raise ValueError(f"{text} is out of range, expected {limits}")
         return value
 
     return read
