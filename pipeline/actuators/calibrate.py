@@ -30,16 +30,18 @@ def _no_fall(measurement: Measurement, fit: KneeFit, settings: KneeSettings) -> 
     last = float(fit.torque(speed.max(keepdims=True))[0]) / fit.knee_torque.value
     against = []
     if beyond < settings.fall_points:
-        against.append(f"{NO_FALL}; {beyond} points are beyond {knee:.2f} rad/s, wanted {settings.fall_points}")
+        against.append(
+            f"{NO_FALL}; {beyond} points are beyond {knee:.2f} rad/s, expected at least {settings.fall_points}"
+        )
     if rest < settings.fall_range:
-        wanted = f"wanted {100 * settings.fall_range:.0f} %"
+        wanted = f"expected at least {100 * settings.fall_range:.0f} %"
         against.append(f"{NO_FALL}; {100 * rest:.0f} % of the speeds are beyond {knee:.2f} rad/s, {wanted}")
     if last > settings.last_torque:
-        wanted = f"wanted less than {100 * settings.last_torque:.0f} %"
+        wanted = f"expected less than {100 * settings.last_torque:.0f} %"
         against.append(f"{NO_FALL}; at its end are {100 * last:.0f} % of the knee torque, {wanted}")
     if fit.fall_slope >= 0.0 or -fit.fall_slope < settings.slope_ratio * abs(fit.plateau_slope):
         slopes = f"{fit.fall_slope:.3g} N m s/rad beyond {knee:.2f} rad/s and by {fit.plateau_slope:.3g} before"
-        wanted = f"a fall {settings.slope_ratio:g} times as steep is wanted"
+        wanted = f"a fall {settings.slope_ratio:g} times as steep is required"
         against.append(f"no knee: the torque changes by {slopes}; {wanted}")
     return against
 
@@ -161,7 +163,7 @@ def calibrate(text: str | None, file: str, motor: Motor, settings: ActuatorSetti
         return dataclasses.replace(found, reasons=(str(error),))
     count, different = len(measurement.speed), len(np.unique(measurement.speed))
     if min(count, different) < settings.knee.min_points:
-        reason = f"{count} points at {different} speeds; {settings.knee.min_points} are wanted"
+        reason = f"{count} points at {different} speeds; {settings.knee.min_points} are required"
         knee, reasons, outlier = None, (reason,), np.zeros(count, dtype=bool)
     else:
         measurement, fit = fit_sweep(measurement, settings.knee)

@@ -71,7 +71,7 @@ class ShippedCode(WorkerPlugin):
             raise RuntimeError(f"worker {worker.address} has {threads} threads; start it with --nthreads 1")
         there = {name: _installed(name) for name in self.libraries}
         wrong = [
-            f"{name} {there[name] or 'missing'}, wanted {wanted}"
+            f"{name} {there[name] or 'missing'}, expected {wanted}"
             for name, wanted in self.libraries.items()
             if there[name] != wanted
         ]

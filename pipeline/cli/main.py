@@ -15,10 +15,10 @@ from pipeline.cli import policy_arguments as policies
 from pipeline.errors import PipelineError
 
 DESCRIPTION = (
-    "Human motion onto a humanoid robot (Booster T1, K1): inspect a motion file, retarget it, score and play the "
+    "Human motion for a humanoid robot (Booster T1, K1): inspect a motion file, retarget it, score and play the "
     "result; evaluate a walking policy; import and check a robot. Thresholds are read from the project's data/*.yaml. "
-    "The database is made with: dagster asset materialize --select expert_db\n\n"
-    "--version shows the version, --tyro-print-completion {bash,zsh,fish} a script for your shell."
+    "To make the database, run: dagster asset materialize --select expert_db\n\n"
+    "--version prints the version, --tyro-print-completion {bash,zsh,fish} a completion script for your shell."
 )
 
 COMMANDS: dict[str, tuple[type, str]] = {

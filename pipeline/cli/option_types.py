@@ -23,21 +23,21 @@ def option(metavar: str, read: Callable[[str], Any], choices: tuple[str, ...] | 
 
 def file(text: str) -> Path:
     if Path(text).is_dir():
-        raise ValueError(f"{text} is a folder, wanted a file")
+        raise ValueError(f"{text} is a folder, expected a file")
     return Path(text)
 
 
 def rate(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 1000.0:
-        raise ValueError(f"{text} is not a rate in Hz, wanted more than 0 and at most 1000")
+        raise ValueError(f"{text} is not a rate in Hz, expected more than 0 and at most 1000")
     return value
 
 
 def integer(what: str, low: int, high: int) -> Callable[[str], int]:
     def read(text: str) -> int:
         if not text.isdecimal() or not low <= int(text) <= high:
-            raise ValueError(f"{text} is not {what}, wanted {low} to {high}")
+            raise ValueError(f"{text} is not {what}, expected {low} to {high}")
         return int(text)
 
     return read
@@ -57,7 +57,7 @@ def within(low: float, high: float) -> Callable[[str], float]:
         value = float(text)
         if not (math.isfinite(value) and low <= value <= high):
             limits = f"{low:g} or more" if high == math.inf else f"{low:g} to {high:g}"
-            raise ValueError(f"{text} is out of range, wanted {limits}")
+            raise ValueError(f"{text} is out of range, expected {limits}")
         return value
 
     return read
@@ -113,14 +113,14 @@ Outages = UseAppendAction[
     tuple[Annotated[tuple[float, float, tuple[str, ...]], option("T,UNTIL[,JOINT...]", outage)], ...]
 ]
 RobotName = Annotated[str, arg(metavar="NAME", help="robot, a folder of robots/")]
-PolicyFile = Annotated[Positional[Path], arg(metavar="POLICY", help="npz, or the folder of an exported policy")]
+PolicyFile = Annotated[Positional[Path], arg(metavar="POLICY", help="npz file, or folder of an exported policy")]
 AnkleKd = Annotated[
     Number,
-    arg(help="damping of the ankles [N m s/rad], for a policy whose file does not say with which it is deployed"),
+    arg(help="ankle damping of the deployed policy [N m s/rad], if its file does not contain it"),
 ]
 Naming = Annotated[
-    Text, arg(help="joint names in the output: a column of the robot's aliases.csv; the robot's own where not given")
+    Text, arg(help="joint names in the output: a column of the robot's aliases.csv; default: the robot's names")
 ]
 Workers = Annotated[
-    int, option("N", integer("a number of processes", 0, 1000)), arg(help="processes; 0 for one per core")
+    int, option("N", integer("a number of processes", 0, 1000)), arg(help="number of processes; 0: one per core")
 ]

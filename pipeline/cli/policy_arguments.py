@@ -42,11 +42,11 @@ class Validate:
     robot: RobotName = "t1"
     ankle_kd: AnkleKd = None
     suite: Literal["quick", "full", "held-out"] = "quick"
-    """how many cells and trials; held-out: the full suite's cells with trials that chose nothing"""
+    """cells and trials to run; held-out: cells of the full suite, trials that no selection used"""
     json: File = None
     """write the verdict and all figures here"""
     failures: Folder = None
-    """write a log of each failed cell's worst trial here; earlier logs of this policy in its cells are removed"""
+    """write the worst trial of each failed cell as a log; replaces earlier logs of the policy for them"""
     workers: Workers = 0
     table: bool = False
     """print every cell"""
@@ -66,7 +66,7 @@ class CrossEngine:
     cells: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
     """only these cells"""
     seeds: Annotated[int | None, option("N", integer("a number of starts", 1, 10_000))] = None
-    """starts per cell, instead of the file's"""
+    """starts per cell, replaces the number in data/cross_engine.yaml"""
     json: File = None
     """write the verdict and all figures here"""
     workers: Workers = 0
@@ -74,11 +74,11 @@ class CrossEngine:
 
 @dataclass(frozen=True, kw_only=True)
 class WebotsProject:
-    """Write a Webots project of a robot, and run it.
+    """Write a Webots project for a robot, and run it.
 
     Writes PROTO, world and controller into a folder that Webots opens. With --run the walk of data/webots.yaml is run
-    and evaluated. Exit code 0: written, or passed; 3: failed, or not run because the program is missing; 1: could not
-    be done.
+    and evaluated. Exit code 0: written, or passed; 3: failed, or not run because the program is missing; 1: the project
+    could not be written.
     """
 
     out: Annotated[Path, arg(metavar="FOLDER")]
@@ -92,55 +92,55 @@ class WebotsProject:
         option("{webots,mujoco,ode}", str, ("webots", "mujoco", "ode")),
         arg(name="run"),
     ] = None
-    """run the walk there as well"""
+    """also run the walk in this program"""
     json: File = None
     """write the result of the walk here"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Differences:
-    """What differs from the model."""
+    """Differences between the robot and its model."""
 
     weaker: JointFactors = ()
-    """share of a joint's torque that is left"""
+    """remaining share of a joint's torque"""
     hot: JointFactors = ()
     """factor on a motor's heating"""
     gains: Factor = 1.0
-    """factor on kp and kd that the motors follow"""
+    """factor on kp and kd of the motors"""
     command_scale: Factor = 1.0
     """share of the command that reaches the policy"""
     friction: Annotated[float, option("FACTOR", NOT_NEGATIVE)] = 1.0
     """factor on the friction of the ground"""
     delay: Annotated[float, option("S", within(0.0, 1.0))] = 0.0
-    """from joint targets to motors [s]"""
+    """delay from joint targets to motors [s]"""
     trunk: Factor = 1.0
     """factor on the trunk's mass"""
     message_loss: Annotated[float | None, option("SHARE", within(0.0, 0.99))] = None
     """share of messages lost"""
     motor_loss: Annotated[float | None, option("HZ", NOT_NEGATIVE)] = None
-    """packets per second that a motor loses [Hz]"""
+    """rate at which a motor loses packets [Hz]"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Events:
-    """What happens to the robot."""
+    """Events during the log."""
 
     push: UseAppendAction[tuple[Annotated[tuple[float, float, float], option("T,X,Y", numbers(3))], ...]] = ()
-    """at T [s] an impulse X, Y [N s] over 0.1 s; may be repeated"""
+    """impulse X, Y [N s] over 0.1 s at time T [s]; may be repeated"""
     hold: Annotated[tuple[float, float] | None, option("T,UNTIL", span)] = None
-    """a person lifts it off its feet [s]"""
+    """a person lifts the robot off its feet, from T to UNTIL [s]"""
     stop: Annotated[float | None, option("T", NOT_NEGATIVE)] = None
-    """the operator stops it at this time [s]: joints are damped"""
+    """the operator stops the robot at time T [s], and its joints are damped"""
     motors_off: Outages = ()
     """motors of the joints, or all, give no torque from T to UNTIL [s], or to the `end`; may be repeated"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateRobot:
-    """Write a log as the robot would, from MuJoCo.
+    """Write a robot log from a simulation in MuJoCo.
 
-    Runs a policy in MuJoCo on a robot that differs from its model and writes what the robot's recorder would have
-    written, as MCAP: sensor noise, motor temperatures, losses. The file states that it is simulated and in what the
+    Runs a policy in MuJoCo on a robot that differs from its model, and writes an MCAP log in the format of the robot's
+    recorder, with sensor noise, motor temperatures and lost messages. The log states that it is simulated, and how the
     robot differed from its model.
     """
 
@@ -148,13 +148,13 @@ class SimulateRobot:
     """log to write"""
     robot: RobotName = "t1"
     policy: Annotated[Path | None, option("POLICY", Path)] = None
-    """npz, or the folder of an exported policy; the policy that ships where not given"""
+    """npz file, or folder of an exported policy; default: the shipped policy"""
     script: Annotated[
         Literal["sway", "topple_left"] | None, option("{sway,topple_left}", str, ("sway", "topple_left"))
     ] = None
     """joint targets over time instead of a policy"""
     command: UseAppendAction[tuple[Waypoint, ...]] = ()
-    """from T [s] on the command is F, L [m/s] and Y [rad/s]; may be repeated (negative: --command=...)"""
+    """command F, L [m/s] and Y [rad/s] from time T [s]; may be repeated (negative: --command=...)"""
     seconds: Annotated[float, option("S", positive)] = 10.0
     """length of the log [s]"""
     seed: Annotated[int, option("N", integer("a seed", 0, 2**32 - 1))] = 0
@@ -169,8 +169,8 @@ class SimulateRobot:
 class Play:
     """Command a policy in MuJoCo, in the browser.
 
-    A policy walks in MuJoCo while you watch: sliders and keys (W S A D Q E, X to stand) command it, P pushes it, R
-    restarts it; terrain and friction are chosen on the page. With --record a walk is written as MP4 or GIF instead,
+    The policy walks in MuJoCo, shown in the browser. Sliders and keys (W S A D Q E, X to stand) command it, P pushes
+    the robot, and R restarts it. Choose terrain and friction on the page. --record writes a walk as MP4 or GIF instead,
     without a display.
     """
 
@@ -178,7 +178,7 @@ class Play:
     robot: RobotName = "t1"
     ankle_kd: AnkleKd = None
     port: Annotated[int, option("PORT", integer("a port", 1, 65535))] = 8080
-    """port of the page; the next free one where it is taken"""
+    """port of the page; if it is in use, the next free port"""
     no_browser: bool = False
     """serve the page but do not open it"""
     record: Annotated[Path | None, option("OUT", Path)] = None

@@ -109,7 +109,7 @@ def load_policy(path: Path) -> Policy:
     if named["mean"].shape != named["std"].shape or named["mean"].ndim != 1:
         raise FileError(path, f"has a mean of shape {named['mean'].shape} and a std of {named['std'].shape}.")
     if named["eps"].shape not in ((), (1,), named["std"].shape):
-        raise FileError(path, f"has an eps of shape {named['eps'].shape}, wanted one number.")
+        raise FileError(path, f"has an eps of shape {named['eps'].shape}, expected one number.")
     bad = [name for name, value in named.items() if not np.isfinite(value).all()]
     if bad:
         raise FileError(path, f"has numbers that are not finite in {', '.join(bad)}.")

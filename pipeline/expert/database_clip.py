@@ -38,7 +38,7 @@ def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, A
     if made_for != robot.name:
         raise FileError(path, f"it is for the robot '{made_for}', not for '{robot.name}'.", f"Add --robot {made_for}.")
     if frames.ndim != 2 or frames.shape[1] != len(columns) or not len(frames):
-        raise FileError(path, f"its frames have the shape {frames.shape}, wanted (frames, {len(columns)}).")
+        raise FileError(path, f"its frames have the shape {frames.shape}, expected (frames, {len(columns)}).")
     joints = np.tile(robot.default_joint_pos, (len(frames), 1))
     for index, joint in enumerate(robot.joint_names):
         if f"{joint}_pos" in columns:

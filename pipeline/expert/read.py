@@ -173,12 +173,12 @@ def read_clip(folder: Path, name: str, clip: str, head: dict[str, Any], faults: 
         return None
     frames = _frames(name, content, head, faults)
     if content["FrameDuration"] != head["frame_duration_s"]:
-        faults.append(f"{name}: FrameDuration is {content['FrameDuration']!r}, wanted {head['frame_duration_s']}")
+        faults.append(f"{name}: FrameDuration is {content['FrameDuration']!r}, expected {head['frame_duration_s']}")
     if content["LoopMode"] not in LOOP_MODES:
-        faults.append(f"{name}: LoopMode is {content['LoopMode']!r}, wanted one of {', '.join(LOOP_MODES)}")
+        faults.append(f"{name}: LoopMode is {content['LoopMode']!r}, expected one of {', '.join(LOOP_MODES)}")
     weight = content["MotionWeight"]
     if not isinstance(weight, (int, float)) or not 0.0 < weight < float("inf"):
-        faults.append(f"{name}: MotionWeight is {weight!r}, wanted a positive number")
+        faults.append(f"{name}: MotionWeight is {weight!r}, expected a positive number")
     if frames is None:
         return None
     return DatabaseClip(name=clip, weight=weight, skill=content["Skill"], loop_mode=content["LoopMode"], frames=frames)
@@ -187,14 +187,14 @@ def read_clip(folder: Path, name: str, clip: str, head: dict[str, Any], faults: 
 def _frames(name: str, content: dict[str, Any], head: dict[str, Any], faults: list[str]) -> np.ndarray | None:
     wanted = head["frame_columns"]
     if len(content["Columns"]) != wanted:
-        faults.append(f"{name}: names {len(content['Columns'])} columns, wanted {wanted}")
+        faults.append(f"{name}: names {len(content['Columns'])} columns, expected {wanted}")
     try:
         frames = np.array(content["Frames"], dtype=float)
     except (TypeError, ValueError) as error:
         faults.append(f"{name}: Frames are no table of numbers ({error})")
         return None
     if frames.ndim != 2 or frames.shape[1] != wanted or len(frames) < 2:
-        faults.append(f"{name}: Frames have the shape {frames.shape}, wanted (2 or more, {wanted})")
+        faults.append(f"{name}: Frames have the shape {frames.shape}, expected (2 or more, {wanted})")
         return None
     faults += faults_of_frames(name, frames)
     return frames

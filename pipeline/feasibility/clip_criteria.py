@@ -103,13 +103,21 @@ def _figure(name: str, unit: str, what: str) -> Criterion:
 FIGURES: dict[Criterion, str] = {
     _figure("slip_m_s", "m/s", "slip in stance"): "the retargeted feet slide in stance by {:.3f} m/s on average",
     _figure("drift_m", "m", "drift within a stance"): "the retargeted feet drift within a stance by {:.3f} m",
-    _figure("penetration_m", "m", "deepest sole corner"): "the retargeted soles are {:.3f} m below the ground",
-    _figure("height_shift_m", "m", "height off the ground"): "the retargeted motion stands {:.3f} m off the ground",
-    _figure("limb_error_deg", "deg", "mean angle of all limbs"): "limbs point {:.1f} deg away from the human's",
-    _figure("thigh_error_deg", "deg", "of the thighs"): "thighs point {:.1f} deg away from the human's",
-    _figure("shank_error_deg", "deg", "of the shanks"): "shanks point {:.1f} deg away from the human's",
-    _figure("trunk_error_deg", "deg", "of the trunk"): "the trunk is {:.1f} deg away from the human's",
-    _figure("heading_error_deg", "deg", "of the pelvis heading"): "the pelvis heads {:.1f} deg away from the human's",
+    _figure(
+        "penetration_m", "m", "largest depth of a sole corner below the ground"
+    ): "the retargeted soles are {:.3f} m below the ground",
+    _figure(
+        "height_shift_m", "m", "height of standing soles above the ground"
+    ): "the retargeted motion stands {:.3f} m off the ground",
+    _figure(
+        "limb_error_deg", "deg", "mean angle between human and robot limbs"
+    ): "limbs point {:.1f} deg away from the human's",
+    _figure("thigh_error_deg", "deg", "mean angle between the thighs"): "thighs point {:.1f} deg away from the human's",
+    _figure("shank_error_deg", "deg", "mean angle between the shanks"): "shanks point {:.1f} deg away from the human's",
+    _figure("trunk_error_deg", "deg", "mean angle between the trunks"): "the trunk is {:.1f} deg away from the human's",
+    _figure(
+        "heading_error_deg", "deg", "mean error of the pelvis heading"
+    ): "the pelvis heads {:.1f} deg away from the human's",
 }
 """Number of KP3 on a clip -> sentence with its value."""
 

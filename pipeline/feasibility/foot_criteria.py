@@ -44,7 +44,7 @@ class FootSettings:
     """Corners of a sole less than this above its lowest one are on the ground with it [m]."""
     slip_mean: MetresPerSecondBySpeed
     """Largest mean slip of feet that are labelled as in contact [m/s]: a + b times the speed over ground."""
-    told_slip_mean: MetresPerSecondBySpeed
+    inferred_slip_mean: MetresPerSecondBySpeed
     """Largest mean slip for contact inferred from sole kinematics, the slower foot in double support [m/s]."""
     slip_p95: MetresPerSecondBySpeed
     """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
@@ -74,9 +74,9 @@ class FootSettings:
         "mean slip of the sole's slowest point, feet labelled as in contact",
     ),
     Criterion(
-        "foot_told_slip_mean",
+        "foot_inferred_slip_mean",
         SLIP,
-        "feet.told_slip_mean",
+        "feet.inferred_slip_mean",
         "m/s",
         "mean slip for contact inferred from sole kinematics; the slower foot in double support",
     ),
@@ -97,9 +97,11 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
     else:
         labelled = Skipped(code="foot_slip_mean", not_applicable=NO_LABELS)
     if motion.simulated:
-        of_soles = Skipped(code="foot_told_slip_mean", not_applicable=SIMULATED)
+        of_soles = Skipped(code="foot_inferred_slip_mean", not_applicable=SIMULATED)
     else:
-        of_soles = _mean_slip("foot_told_slip_mean", "the slower feet", slip, inferred, settings.told_slip_mean, speed)
+        of_soles = _mean_slip(
+            "foot_inferred_slip_mean", "the slower feet", slip, inferred, settings.inferred_slip_mean, speed
+        )
     found = slip[standing]
     value = percentile_of_least(found, 95, motion.least_frames) if found.size else 0.0
     limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
@@ -139,7 +141,7 @@ def stance_feet(
         SLIP,
         "feet.glide_s",
         "s",
-        "longest time that a sole is near the ground and no foot is slow enough to stand",
+        "longest time with a sole near the ground and no foot slow enough for a stance",
     )
 )
 def gliding(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
@@ -182,7 +184,7 @@ def gliding(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
         "m",
         "depth of the lowest corner of a sole, 95th percentile",
     ),
-    Criterion("penetration_max", "penetration", "feet.penetration_max", "m", "deepest corner of a sole"),
+    Criterion("penetration_max", "penetration", "feet.penetration_max", "m", "largest depth of a sole corner"),
 )
 def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
     """Depth of the lowest corner of each frame below the ground: 95th percentile and most."""
@@ -206,7 +208,7 @@ def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdic
     )
 
 
-@criterion(Criterion("floating_contact", CONTACT, "feet.floating", "m", "height of feet in contact"))
+@criterion(Criterion("floating_contact", CONTACT, "feet.floating", "m", "height of the soles of feet in contact"))
 def floating(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
     """Height of the lowest corner of feet that are labelled as in contact."""
     height = np.where(inner_contacts(motion.contacts), motion.sole.height, 0.0)

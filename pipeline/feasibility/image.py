@@ -25,7 +25,7 @@ from pipeline.simulation.mujoco_plant import self_collision
 
 OWN = (
     *("joint_limit_excess", "joint_speed_ratio", "joint_speed_over_share", "joint_speed_over_run_s"),
-    *("foot_slip_mean", "foot_told_slip_mean", "foot_slip_p95"),
+    *("foot_slip_mean", "foot_inferred_slip_mean", "foot_slip_p95"),
 )
 """Criteria that are evaluated on the image itself: limits, which may differ between left and right, and slip, whose
 last digits depend on the order of the corners."""

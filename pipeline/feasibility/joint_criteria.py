@@ -42,7 +42,9 @@ class JointSettings:
 
 
 @criterion(
-    Criterion("joint_limit_excess", LIMITS, "joints.limit_excess", "rad", "how far a joint is past its position limits")
+    Criterion(
+        "joint_limit_excess", LIMITS, "joints.limit_excess", "rad", "largest excess of a joint over its position limits"
+    )
 )
 def joint_limits(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]:
     """How far any joint is beyond its position limits."""
@@ -66,7 +68,7 @@ def joint_limits(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]
         LIMITS,
         "joints.speed_ratio",
         "of the motor's limit",
-        "largest joint speed over the motor's limit",
+        "largest joint speed as a share of the motor's limit",
     ),
     Criterion(
         "joint_speed_over_share",
@@ -75,7 +77,7 @@ def joint_limits(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]
         "of frames",
         "share of frames above `joints.speed_over` times the motor's speed, worst joint",
     ),
-    Criterion("joint_speed_over_run_s", LIMITS, "joints.speed_over_run_s", "s", "longest time in a row above it"),
+    Criterion("joint_speed_over_run_s", LIMITS, "joints.speed_over_run_s", "s", "longest time above that speed"),
 )
 def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verdict, Verdict]:
     """Speed over the motors' limits: the largest, and how often and how long a joint is well above.

@@ -43,11 +43,15 @@ class RootSettings(RootFilter):
         GROUP,
         "root.height",
         "of the standing height",
-        "lowest root over the standing height",
+        "lowest root height as a share of the default height",
         lower=True,
     ),
     Criterion(
-        "root_height_max", GROUP, "root.height", "of the standing height", "highest root over the standing height"
+        "root_height_max",
+        GROUP,
+        "root.height",
+        "of the standing height",
+        "highest root height as a share of the default height",
     ),
 )
 def root_height(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdict]:

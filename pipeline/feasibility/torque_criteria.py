@@ -45,15 +45,15 @@ class TorqueSettings:
         "torque",
         "torque.saturation_share",
         "of frames",
-        "share of frames with the motor at its torque limit, worst joint",
+        "share of frames with a motor at its torque limit, worst joint",
     ),
-    Criterion(CODES[1], "torque", "torque.saturation_run_s", "s", "longest time in a row that a motor is at its limit"),
+    Criterion(CODES[1], "torque", "torque.saturation_run_s", "s", "longest time that a motor is at its torque limit"),
     Criterion(
         CODES[2],
         "contact forces",
         "torque.force_residual",
         "of the weight",
-        "force that recorded contacts and pushes do not explain: worst mean over half a second",
+        "residual force in Newton's second law with recorded contacts and pushes, worst mean over 0.5 s",
     ),
 )
 def recorded_forces(motion: Motion, settings: TorqueSettings) -> tuple[Result, ...]:

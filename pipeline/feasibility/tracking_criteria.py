@@ -112,26 +112,24 @@ def followed(numbers: Numbers, settings: TrackingSettings) -> tuple[Result, ...]
 
 
 CRITERIA = (
-    Criterion("tracking_joint_p95", GROUP, "tracking.joint_p95", "rad", "RMS of the joint errors, 95th percentile"),
-    Criterion("tracking_joint_worst", GROUP, "tracking.joint_worst", "rad", "its worst mean over half a second"),
+    Criterion("tracking_joint_p95", GROUP, "tracking.joint_p95", "rad", "RMS joint error, 95th percentile"),
+    Criterion("tracking_joint_worst", GROUP, "tracking.joint_worst", "rad", "RMS joint error, worst mean over 0.5 s"),
     Criterion(
         "tracking_body_p95",
         GROUP,
         "tracking.body_p95",
         "m",
-        "error of the link, hand or sole that is furthest off, relative to the root, 95th percentile",
+        "largest position error of a link, hand or sole relative to the root, 95th percentile",
     ),
-    Criterion("tracking_body_worst", GROUP, "tracking.body_worst", "m", "its worst mean over half a second"),
-    Criterion("tracking_growth", GROUP, "tracking.growth", "m", "error in the last half second less the median error"),
-    Criterion("tracking_away_s", GROUP, "tracking.away_s", "s", "longest time in a row beyond `tracking.body_p95`"),
-    Criterion("tracking_root_height", GROUP, "tracking.root_height", "m", "largest difference of the root's height"),
+    Criterion("tracking_body_worst", GROUP, "tracking.body_worst", "m", "the same error, worst mean over 0.5 s"),
+    Criterion("tracking_growth", GROUP, "tracking.growth", "m", "mean error in the last 0.5 s minus the median error"),
+    Criterion("tracking_away_s", GROUP, "tracking.away_s", "s", "longest time above `tracking.body_p95`"),
+    Criterion("tracking_root_height", GROUP, "tracking.root_height", "m", "largest error of the root height"),
+    Criterion("tracking_gravity", GROUP, "tracking.gravity", "-", "largest error of gravity in the root frame"),
+    Criterion("tracking_end_height", GROUP, "tracking.end_height", "m", "largest height error of a hand or sole"),
     Criterion(
-        "tracking_gravity", GROUP, "tracking.gravity", "-", "largest difference of the vertical in the root's frame"
+        "tracking_path", GROUP, "tracking.path", "m", "largest root position error after the best fit of the paths"
     ),
-    Criterion(
-        "tracking_end_height", GROUP, "tracking.end_height", "m", "largest difference in height of a hand or sole"
-    ),
-    Criterion("tracking_path", GROUP, "tracking.path", "m", "largest distance of the root's path after the best fit"),
 )
 
 

@@ -181,7 +181,7 @@ def _against(value: float, limit: float, spread: float, logs: int, rule: MotorRu
     if value > (1.0 - rule.least_reduction) * limit:
         return f"that is less than {100 * rule.least_reduction:g} % below it"
     if logs < rule.least_logs:
-        return f"{logs} log says so, {rule.least_logs} are wanted"
+        return f"{logs} log says so, {rule.least_logs} are required"
     if spread > rule.agreement:
         return f"the logs differ by {100 * spread:.0f} %"
     if value < rule.lowest * limit:

@@ -63,7 +63,7 @@ class ArrayFile(ABC):
         if value.dtype.kind not in "fiu" or not fits:
             wanted = "×".join("n" if length is None else str(length) for length in shape)
             problem = (
-                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
+                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, expected {wanted} numbers."
             )
             raise FileError(self.path, problem)
         return value

@@ -170,15 +170,15 @@ def _faults(found: ErrorDetails, kind: Any, place: tuple[int | str, ...]) -> lis
     code, value = found["type"], found["input"]
     if code == "missing" and isinstance(place[-1], int):
         short = place[-1] == len(value)  # one fault of a list, not one of each entry that lacks
-        return [(key.rpartition("[")[0], f"has {len(value)} entries, wanted more")] if short else []
+        return [(key.rpartition("[")[0], f"has {len(value)} entries, expected more")] if short else []
     if code == "missing":
         return [(key, "is missing")]
     if code == "unexpected_keyword_argument":
         return [(key, f"{UNKNOWN}, there are: {', '.join(_fields(kind, place[:-1]))}")]
     if code == "too_long":
-        return [(key, f"has {len(value)} entries, wanted {found.get('ctx', {})['max_length']}")]
+        return [(key, f"has {len(value)} entries, expected {found.get('ctx', {})['max_length']}")]
     wanted = _WANTED.get(code)
-    return [(key, f"is {value!r}, wanted {wanted}" if wanted else f"is {value!r}: {found['msg']}")]
+    return [(key, f"is {value!r}, expected {wanted}" if wanted else f"is {value!r}: {found['msg']}")]
 
 
 def _fields(kind: Any, place: Sequence[int | str]) -> list[str]:

@@ -42,15 +42,15 @@ class Unit:
         """The value of `{value, unit, source, why}`. Raises RangeError with every fault."""
         if not isinstance(entry, dict):
             form = f"{{value: …, unit: {self.name}, source: {' | '.join(SOURCES)}, why: …}}"
-            raise RangeError([("", f"is {entry!r}, wanted {form}")])
+            raise RangeError([("", f"is {entry!r}, expected {form}")])
         faults = [(f".{key}", f"{UNKNOWN}, there are: {', '.join(_KEYS)}") for key in entry if key not in _KEYS]
         faults += [(f".{key}", "is missing") for key in _KEYS if key not in entry]
         if entry.get("unit", self.name) != self.name:
-            faults.append((".unit", f"is {entry['unit']!r}, wanted {self.name!r}"))
+            faults.append((".unit", f"is {entry['unit']!r}, expected {self.name!r}"))
         if entry.get("source", "cal") not in tuple(SOURCES):
             faults.append((".source", f"is {entry['source']!r}, there are: {', '.join(SOURCES)}"))
         if "why" in entry and not (isinstance(entry["why"], str) and entry["why"].strip()):
-            faults.append((".why", f"is {entry['why']!r}, wanted a sentence"))
+            faults.append((".why", f"is {entry['why']!r}, expected a sentence"))
         value = None
         if "value" in entry:
             try:

@@ -61,7 +61,9 @@ def _root_entry(path: Path, root: Bone, words: list[str], line: int) -> None:
     if key == "order":
         root.dof = tuple(word.lower() for word in words[1:])
         if sorted(root.dof) != ["rx", "ry", "rz", "tx", "ty", "tz"]:
-            raise FileError(path, f"the root's order is '{' '.join(words[1:])}', wanted TX TY TZ RX RY RZ.", line=line)
+            raise FileError(
+                path, f"the root's order is '{' '.join(words[1:])}', expected TX TY TZ RX RY RZ.", line=line
+            )
     elif key == "axis":
         root.axis_order = _order(path, words[1:], line)
     elif key in ("position", "orientation"):
@@ -95,7 +97,7 @@ def _bone_entry(path: Path, bones: dict[str, Bone], bone: Bone | None, words: li
     elif key == "dof":
         bone.dof = tuple(word.lower() for word in words[1:])
         if set(bone.dof) - {"rx", "ry", "rz"} or len(set(bone.dof)) < len(bone.dof):
-            raise FileError(path, f"degrees of freedom '{' '.join(words[1:])}', wanted rx, ry, rz.", line=line)
+            raise FileError(path, f"degrees of freedom '{' '.join(words[1:])}', expected rx, ry, rz.", line=line)
     elif key == "end":
         return None
     return bone
@@ -104,7 +106,7 @@ def _bone_entry(path: Path, bones: dict[str, Bone], bone: Bone | None, words: li
 def _order(path: Path, words: list[str], line: int) -> str:
     order = words[0].lower() if words else ""
     if sorted(order) != ["x", "y", "z"]:
-        raise FileError(path, f"the axis order is '{order}', wanted such as XYZ.", line=line)
+        raise FileError(path, f"the axis order is '{order}', expected for example XYZ.", line=line)
     return order
 
 
@@ -265,6 +267,6 @@ def _bone_values(
         raise FileError(path, f"the bone '{name[:40]}' does not move in the ASF, or is not in it.", line=line)
     wanted = columns[name].stop - columns[name].start
     if len(words) - 1 != wanted or name in seen:
-        raise FileError(path, f"'{name}' has {len(words) - 1} numbers, wanted {wanted} once a frame.", line=line)
+        raise FileError(path, f"'{name}' has {len(words) - 1} numbers, expected {wanted} once a frame.", line=line)
     row[columns[name]] = [read_number(path, word, line, name) for word in words[1:]]
     seen.add(name)

@@ -222,7 +222,7 @@ def _read_motion_header(
         raise FileError(path, "'Frames:' or 'Frame Time:' is missing.", line=max(number, 1))
     count = read_number(path, *found["frames"], "Frames")
     if count != int(count) or not 0 <= count <= MAX_FRAMES:
-        raise FileError(path, f"Frames is {found['frames'][0]}, wanted 1 to {MAX_FRAMES}.", line=found["frames"][1])
+        raise FileError(path, f"Frames is {found['frames'][0]}, expected 1 to {MAX_FRAMES}.", line=found["frames"][1])
     frames = _Frames(int(count), found["frames"][1])
     do = "Correct it, or state `fps:` for the file."
     if "frame time" not in found:
@@ -234,7 +234,7 @@ def _read_motion_header(
     except ValueError:
         frame_time_s = np.nan
     if not 1e-4 <= frame_time_s <= 1.0:
-        fault = FileError(path, f"Frame Time is '{printed[:40]}', wanted 0.0001 to 1 s.", do, line)
+        fault = FileError(path, f"Frame Time is '{printed[:40]}', expected 0.0001 to 1 s.", do, line)
         return frames, _Rate(fault=fault), rest
     fps, notes = printed_rate(printed)
     return frames, _Rate(fps=fps, notes=notes), rest

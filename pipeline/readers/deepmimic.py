@@ -109,7 +109,7 @@ def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
     for index, frame in enumerate(frames):
         if not isinstance(frame, list) or len(frame) != COLUMNS:
             got = len(frame) if isinstance(frame, list) else type(frame).__name__
-            raise FileError(path, f"frame {index} has {got} numbers, wanted {COLUMNS} (humanoid3d).")
+            raise FileError(path, f"frame {index} has {got} numbers, expected {COLUMNS} (humanoid3d).")
         if not all(isinstance(entry, (int, float)) and not isinstance(entry, bool) for entry in frame):
             raise FileError(path, f"frame {index} holds something that is not a number.")
     rows = page_memory.empty((len(frames), COLUMNS))
@@ -132,8 +132,8 @@ def _rate(path: Path, durations_s: Float[np.ndarray, " t"]) -> tuple[float | Non
     used = durations_s[:-1] if len(durations_s) > 1 else durations_s
     typical = float(np.median(used))
     if not 1e-4 <= typical <= 1.0:
-        return None, FileError(path, f"a frame lasts {typical:g} s, wanted 0.0001 to 1.", STATE_RATE)
+        return None, FileError(path, f"a frame lasts {typical:g} s, expected 0.0001 to 1.", STATE_RATE)
     if np.max(np.abs(used - typical)) > 0.02 * typical:
-        problem = f"frames last from {np.min(used):g} to {np.max(used):g} s; one rate is wanted."
+        problem = f"frames last from {np.min(used):g} to {np.max(used):g} s; one rate is expected."
         return None, FileError(path, problem, STATE_RATE)
     return 1.0 / typical, None

@@ -79,7 +79,7 @@ def find_up_axis(path: Path, feet_to_head: Float[np.ndarray, "t 3"], stated: str
     """
     if stated is not None:
         if stated not in TO_Z_UP:
-            raise FileError(path, f"the stated up axis is '{stated}', wanted one of {', '.join(TO_Z_UP)}.")
+            raise FileError(path, f"the stated up axis is '{stated}', expected one of {', '.join(TO_Z_UP)}.")
         return stated
     valid = feet_to_head[np.isfinite(feet_to_head).all(axis=1)]
     direction = valid / np.maximum(np.linalg.norm(valid, axis=1, keepdims=True), 1e-12)

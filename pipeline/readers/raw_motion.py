@@ -299,5 +299,5 @@ def check_unit(path: Path, quat: np.ndarray, what: str, first: int = 0) -> None:
     wrong = np.flatnonzero(((norm < NORM_MIN) | (norm > NORM_MAX)).any(axis=1))
     if len(wrong):
         worst = float(norm[wrong[0]][np.nanargmax(np.abs(norm[wrong[0]] - 1.0))])
-        problem = f"{what} at frame {first + wrong[0]} has norm {worst:.3g}, wanted {NORM_MIN} to {NORM_MAX}."
+        problem = f"{what} at frame {first + wrong[0]} has norm {worst:.3g}, expected {NORM_MIN} to {NORM_MAX}."
         raise FileError(path, problem, "It is not a unit quaternion: check the columns.")

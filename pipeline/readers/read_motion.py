@@ -159,7 +159,7 @@ def open_loaded(path: Path, load: Callable[[Path], Any]) -> LoadedArrays:
     value, assumed = load(path), None
     for _ in range(MAX_DEPTH):
         if not isinstance(value, dict):
-            raise FileError(path, f"it holds a {type(value).__name__}, wanted named arrays of one motion.")
+            raise FileError(path, f"it holds a {type(value).__name__}, expected named arrays of one motion.")
         if isinstance(value.get(GLOBAL), dict):
             value, assumed = value[GLOBAL], GVHMR_RATE_HZ
         arrays = {str(name): array for name, each in value.items() if (array := _array(each)) is not None}

@@ -47,7 +47,9 @@ def read_robot_csv(path: Path) -> RobotMotion:
         raise FileError(path, "the file has no frames.")
     width = len(cells)
     if width <= ROOT:
-        raise FileError(path, f"a row has {width} columns, wanted root xyz, quaternion xyzw and the joints.", line=top)
+        raise FileError(
+            path, f"a row has {width} columns, expected root xyz, quaternion xyzw and the joints.", line=top
+        )
     time = header.index(TIME) if header is not None and TIME in header else None
     rows = itertools.chain([first], lines)
     values = read_table(path, rows, text.line_count, width, comma=True, any_size=time)

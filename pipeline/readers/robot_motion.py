@@ -175,7 +175,7 @@ def _check_upright(path: Path, quat: Float[np.ndarray, "t 4"]) -> None:
 
 def _stated_order(path: Path, statement: Statement) -> str | None:
     if statement.quaternion is not None and statement.quaternion not in ORDERS:
-        problem = f"the stated order of the quaternion is '{statement.quaternion}', wanted {' or '.join(ORDERS)}."
+        problem = f"the stated order of the quaternion is '{statement.quaternion}', expected {' or '.join(ORDERS)}."
         raise FileError(path, problem, "Correct `quaternion:` in data/sources.yaml.")
     return statement.quaternion
 

@@ -140,7 +140,7 @@ def read_map(path: Path) -> SkeletonMap:
     for name, body in skeleton.bodies.items():
         stated = body.directions()
         if len(stated) != 2 or set(stated) == {"up", "down"}:
-            faults.append(f"body '{name}' names {len(stated)} of ahead, left, up, down, wanted two that differ")
+            faults.append(f"body '{name}' names {len(stated)} of ahead, left, up, down, expected two that differ")
         elif {value.lstrip("-") for value in stated.values()} in ({"x"}, {"y"}, {"z"}):
             faults.append(f"body '{name}' uses one axis twice")
     if faults:

@@ -143,7 +143,9 @@ def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray
     if whole is not None:
         poses = _rows(arrays, whole)
         if poses.shape[1] not in COLUMNS or len(poses) != frames or not frames:
-            problem = f"{whole} are {len(poses)}×{poses.shape[1]} and {translation} {frames}×3, wanted the same frames"
+            problem = (
+                f"{whole} are {len(poses)}×{poses.shape[1]} and {translation} {frames}×3, expected the same frames"
+            )
             raise FileError(arrays.path, f"{problem} and 66, 72, 156 or 165 columns.")
         return (poses,)
     assert root is not None and body is not None
@@ -151,7 +153,7 @@ def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray
     if turn.shape[1] != 3 or rest.shape[1] not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
         problem = (
             f"{root} is {len(turn)}×{turn.shape[1]}, {body} {len(rest)}×{rest.shape[1]} and {translation} {frames}×3, "
-            "wanted the same frames, 3 columns and 63 or 69."
+            "expected the same frames, 3 columns and 63 or 69."
         )
         raise FileError(arrays.path, problem)
     return (turn, rest)
@@ -183,7 +185,7 @@ def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndar
     else:
         raise FileError(path, "a body model needs J_template, or J_regressor with v_template.", "Only .npz is read.")
     if len(joints) < len(JOINTS):
-        raise FileError(path, f"the body model has {len(joints)} joints, wanted at least {len(JOINTS)}.")
+        raise FileError(path, f"the body model has {len(joints)} joints, expected at least {len(JOINTS)}.")
     joints = joints[: len(JOINTS)]
     offsets = joints - joints[list(PARENT)]
     offsets[0] = joints[0]

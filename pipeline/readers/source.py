@@ -219,7 +219,7 @@ def sidecar_text(path: Path, sidecar: dict[str, Any], key: str, wanted: str) -> 
     """A text in the YAML file beside a motion; None where it has none. Raises SettingsError for anything else."""
     value = sidecar.get(key)
     if value is not None and not (isinstance(value, str) and value.strip()):
-        problem = f"'{key}' is {value!r}, wanted {wanted}."
+        problem = f"'{key}' is {value!r}, expected {wanted}."
         raise SettingsError(path.with_suffix(".yaml"), problem, "Put it in quotes.")
     return value
 

@@ -63,7 +63,7 @@ def read_number(path: Path, token: str, line: int, what: str) -> float:
     except ValueError:
         number = float("nan")
     if not np.isfinite(number):
-        raise FileError(path, f"{what} is '{token[:40]}', wanted a finite number.", line=line)
+        raise FileError(path, f"{what} is '{token[:40]}', expected a finite number.", line=line)
     return number
 
 
@@ -137,7 +137,7 @@ def _rows_word_by_word(
         if len(tokens) not in (0, columns):
             cut = last and not any(rest.strip() for rest in lines[number - first_line + 1 :])
             hint = " It is the last row: the file was cut off." if cut else ""
-            raise FileError(path, f"the row has {len(tokens)} numbers, wanted {columns}.{hint}", line=number)
+            raise FileError(path, f"the row has {len(tokens)} numbers, expected {columns}.{hint}", line=number)
         try:
             rows += [to_float(token) for token in tokens]
         except ValueError as error:

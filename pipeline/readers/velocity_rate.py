@@ -61,7 +61,7 @@ def frame_rate(path: Path, declared: float | None, statement: Statement, fault: 
     if fps is None:
         raise AmbiguousFileError(path, "the file does not say its frame rate.", STATE_RATE)
     if not 1.0 <= fps <= 10_000.0:
-        raise FileError(path, f"the frame rate is {fps:g} Hz, wanted 1 to 10000.", STATE_RATE)
+        raise FileError(path, f"the frame rate is {fps:g} Hz, expected 1 to 10000.", STATE_RATE)
     return fps
 
 

@@ -58,10 +58,10 @@ class CommandsConfig:
     single_axis_share: float = share(0.45, "commands on one axis alone", source="the suite's single commands")
     fast_share: float = share(0.20, "commands of 1 to 2 m/s forward", source="paper: 0.35")
     fast_yaw: float = option(
-        0.5, "largest yaw rate of half of the fast commands", "rad/s", "curves of the suite", 0.0, 3.0
+        0.5, "largest yaw rate in half of the fast commands", "rad/s", "curves of the suite", 0.0, 3.0
     )
     slew_share: float = share(
-        0.5, "environments whose command changes at 1 m/s^2 and 1 rad/s^2; others: at once", source=f"{BARS}: commands"
+        0.5, "environments with rate-limited commands (1 m/s^2, 1 rad/s^2); others: steps", source=f"{BARS}: commands"
     )
 
     def __post_init__(self) -> None:
@@ -84,20 +84,18 @@ class RewardsConfig:
         8.0, "narrow kernel of the averaged velocity error", "1/s", "with 4 the K1 walked 0.14 m/s too fast", 0.0
     )
     progress: float = option(
-        3.0, "share of the commanded velocity that is reached", "1/s", "kernels are flat far off", 0.0
+        3.0, "share of the commanded velocity that is reached", "1/s", "kernels are flat at large errors", 0.0
     )
     stand_still: float = option(
-        -1.0, "feet off the ground at the command to stand", "1/s", f"{BARS}: no step", most=0.0
+        -1.0, "feet off the ground when commanded to stand", "1/s", f"{BARS}: no step", most=0.0
     )
     power: float = option(-0.018, "mechanical power of the joints", "1/J", "power of the references", most=0.0)
-    final_power: float = option(2.0, "factor of that weight at the end of the run", "-", f"{BARS}: power", 0.0, 10.0)
+    final_power: float = option(2.0, "factor of rewards.power at the end of the run", "-", f"{BARS}: power", 0.0, 10.0)
     feet_slide: float = option(-2.0, "slip of feet in contact", "1/m", "paper: -0.25", most=0.0)
-    saturation: float = option(
-        -3.0, "torque beyond 0.85 of what a motor can give", "1/s", f"{BARS}: saturation", most=0.0
-    )
+    saturation: float = option(-3.0, "torque beyond 0.85 of the motor's limit", "1/s", f"{BARS}: saturation", most=0.0)
     joint_limits: str = option(
         "excess",
-        "what is penalized at joint limits: each joint beyond, or by how much",
+        "penalty at joint limits: excess in rad, or number of joints beyond",
         "word",
         "paper: indicator",
         words=("excess", "indicator"),
@@ -106,7 +104,7 @@ class RewardsConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class RandomizationConfig:
-    """What differs between environments and episodes."""
+    """Domain randomization between environments and episodes."""
 
     friction: tuple[float, float] = option((0.3, 1.2), "friction of the ground", "-", "paper: 0.4 to 1.2", 0.0, 3.0)
     gains: tuple[float, float] = option((0.9, 1.1), "factor of stiffness and of damping", "-", PAPER_TEXT, 0.1, 3.0)
@@ -124,7 +122,7 @@ class RandomizationConfig:
         8.0, "steepest slope, in a third of the environments", "deg", f"{BARS}: slopes", 0.0, 20.0
     )
     rotor_link_share: float = share(
-        0.2, "environments with part of the rotors' inertia on the links", source="policies that fell in DART only"
+        0.2, "environments with part of the rotors' inertia on the links", source="avoids falls in DART"
     )
 
 
@@ -145,8 +143,10 @@ class PushesConfig:
 class DiscriminatorConfig:
     """The adversarial motion prior."""
 
-    style: float = share(0.5, "share of the style reward in the blend; 0: no discriminator", source="paper: 0.3")
-    loss: str = option("bce", "loss", "word", "D stayed within 1.6 on rollouts", words=("wasserstein", "bce"))
+    style: float = share(0.5, "style reward as a share of the total; 0: no discriminator", source="paper: 0.3")
+    loss: str = option(
+        "bce", "loss of the discriminator", "word", "with bce D stayed within 1.6", words=("wasserstein", "bce")
+    )
     frames: int = option(10, "consecutive control steps in a window", "count", "paper: 4", 2, 50)
     learning_rate: float = option(5e-5, "learning rate of Adam", "-", "with 1e-4 D drifted to 1.7", 1e-7, 1e-1)
     gradient_penalty: float = option(20.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)
@@ -155,7 +155,7 @@ class DiscriminatorConfig:
     )
     by_command: bool = option(
         True,
-        "draw most expert windows and start frames by the policy's commands; the discriminator reads the command",
+        "sample most expert windows and start frames by the policy's commands; D observes the command",
         "yes/no",
         "paper: by MotionWeight alone",
     )
@@ -168,12 +168,14 @@ class DiscriminatorConfig:
 class PpoConfig:
     """PPO of rsl_rl; what is not here is rsl_rl's default or in `runner.py`."""
 
-    entropy: float = option(0.002, "weight of the entropy", "-", "paper: 0.005", 0.0, 1.0)
-    desired_kl: float = option(0.02, "divergence that the learning rate adapts to", "nat", "paper: 0.01", 1e-5, 1.0)
-    final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
-    init_std: float = option(0.3, "deviation of the actions at the start", "-", "calm steps; paper: 0.6", 1e-3, 3.0)
+    entropy: float = option(0.002, "weight of the entropy bonus", "-", "paper: 0.005", 0.0, 1.0)
+    desired_kl: float = option(0.02, "target KL divergence of the learning rate", "nat", "paper: 0.01", 1e-5, 1.0)
+    final_kl: float = option(0.004, "target KL at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
+    init_std: float = option(
+        0.3, "standard deviation of actions at the start", "-", "calmer steps; paper: 0.6", 1e-3, 3.0
+    )
     final_std: float = share(
-        0.33, "largest deviation at the end of the run, as a share of init_std; 1: no bound", source="calm steps"
+        0.33, "largest standard deviation at the end, as a share of init_std; 1: no bound", source="calmer steps"
     )
 
 
@@ -183,13 +185,13 @@ class ScheduleConfig:
 
     iterations: int = option(5800, "iterations of 24 control steps", "count", "47 minutes of one H100", 1, 1_000_000)
     style_ramp: tuple[float, float] = share(
-        (0.02, 0.06), "the style reward grows to its share", source="after the critic has learned"
+        (0.02, 0.06), "start and end of the style reward's ramp", source="after the critic has learned"
     )
     disturbance_ramp: tuple[float, float] = share(
-        (0.02, 0.25), "delays, slopes and pushes grow to their largest", source="small pushes teach the wrong step"
+        (0.02, 0.25), "start and end of the ramp of delays, slopes, pushes", source="small pushes teach the wrong step"
     )
     final_ramp: tuple[float, float] = share(
-        (0.6, 0.9), "divergence, deviation and weight of power go to their last values", source="calm steps"
+        (0.6, 0.9), "start and end of the ramp to final KL, std and power", source="calmer steps"
     )
 
 
@@ -202,9 +204,9 @@ class DistillationConfig:
     )
     speed_tolerance: float = option(
         0.2,
-        "a clip whose rollout is slower or faster than its reference by more is left out",
+        "clips whose rollout differs more from the reference's mean speed are left out",
         "m/s",
-        "a tracker moved at 0.19 where its reference moved at 0.40",
+        "one rollout had 0.19 m/s, its reference 0.40 m/s",
         0.0,
         10.0,
     )

@@ -105,7 +105,7 @@ def parse_result(text: str, run: str, names: tuple[str, ...]) -> WalkResult:
     if not isinstance(value, dict) or value.get("schema") != SCHEMA:
         raise ResultError(f"the result is no object of schema '{SCHEMA}'")
     if value.get("run") != run:
-        raise ResultError(f"the result is of another run ({value.get('run')!r}, wanted {run!r})", stale=True)
+        raise ResultError(f"the result is of another run ({value.get('run')!r}, expected {run!r})", stale=True)
     rows = value.get("segments")
     if not isinstance(rows, list) or [row.get("name") if isinstance(row, dict) else None for row in rows] != [*names]:
         raise ResultError("the result's segments are not those of the plan")
@@ -127,7 +127,7 @@ def parse_result(text: str, run: str, names: tuple[str, ...]) -> WalkResult:
 def _number(row: dict[str, Any], name: str) -> float:
     value = row.get(name)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= MOST:
-        raise ResultError(f"the result's '{name}' is {repr(value)[:60]}, wanted a number")
+        raise ResultError(f"the result's '{name}' is {repr(value)[:60]}, expected a number")
     return float(value)
 
 

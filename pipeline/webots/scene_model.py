@@ -94,7 +94,7 @@ def read_scene(world: Path) -> SceneModel:
     protos = {proto.name: proto for path in scene.extern for proto in _scene(world.parent / path).protos}
     placed = [node for node in scene.nodes if node.kind in protos]
     if len(placed) != 1:
-        raise FileError(world, f"has {len(placed)} robots of its PROTOs {', '.join(protos) or '(none)'}, wanted one.")
+        raise FileError(world, f"has {len(placed)} robots of its PROTOs {', '.join(protos) or '(none)'}, expected one.")
     proto = protos[placed[0].kind]
     try:
         values = {name: placed[0].fields.get(name, default) for _, name, default in proto.interface}

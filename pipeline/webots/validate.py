@@ -141,10 +141,10 @@ def project_faults(world: Path, robot: Robot) -> tuple[str, ...]:
 def _names(scene: SceneModel, robot: Robot) -> Iterator[str]:
     links = [body.name for body in scene.bodies[1:]]
     if links != list(robot.link_names[1:]):
-        yield f"the solids are {', '.join(links)}, wanted are {', '.join(robot.link_names[1:])}"
+        yield f"the solids are {', '.join(links)}, expected {', '.join(robot.link_names[1:])}"
     motors = [hinge.motor for _, hinge in scene.hinges]
     if sorted(motors) != sorted(robot.joint_names):
-        yield f"the motors are {', '.join(motors)}, wanted are {', '.join(robot.joint_names)}"
+        yield f"the motors are {', '.join(motors)}, expected {', '.join(robot.joint_names)}"
 
 
 def _motors(scene: SceneModel, robot: Robot) -> Iterator[str]:
@@ -162,7 +162,7 @@ def _motors(scene: SceneModel, robot: Robot) -> Iterator[str]:
             if abs(got - bound) > EXACT:
                 yield f"motor '{hinge.motor}': {what} is {got:g}, the robot's is {bound:g}"
         if hinge.sensor != hinge.motor + SENSOR_SUFFIX:
-            yield f"motor '{hinge.motor}': its sensor is '{hinge.sensor}', wanted '{hinge.motor + SENSOR_SUFFIX}'"
+            yield f"motor '{hinge.motor}': its sensor is '{hinge.sensor}', expected '{hinge.motor + SENSOR_SUFFIX}'"
 
 
 def _masses(scene: SceneModel, robot: Robot) -> Iterator[str]:
@@ -205,10 +205,10 @@ def _poses(scene: SceneModel, robot: Robot) -> Iterator[str]:
 
 def _world(scene: SceneModel) -> Iterator[str]:
     if scene.bounce != 0.0:
-        yield f"contacts of robot and floor bounce ({scene.bounce:g}), wanted 0"
+        yield f"contacts of robot and floor bounce ({scene.bounce:g}), expected 0"
     if scene.controller != CONTROLLER:
-        yield f"the controller is '{scene.controller}', wanted '{CONTROLLER}'"
+        yield f"the controller is '{scene.controller}', expected '{CONTROLLER}'"
     wanted = {name: kind for kind, name in SENSORS.items()}
     got = {name: kind for name, (kind, _) in scene.imu.items()}
     if got != wanted:
-        yield f"the inertial sensors at site '{IMU_SITE}' are {got}, wanted {wanted}"
+        yield f"the inertial sensors at site '{IMU_SITE}' are {got}, expected {wanted}"

@@ -111,7 +111,7 @@ def test_a_torque_column_of_zeros_is_refused(points_on: int):
 def test_few_points_are_refused():
     speed, torque = points()
     found = calibrate(written(speed[[3, 30]], torque[[3, 30]]), "knee.csv", MOTOR, SETTINGS)
-    assert found.verdict == "refused: 2 points at 2 speeds; 8 are wanted"
+    assert found.verdict == "refused: 2 points at 2 speeds; 8 are required"
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -135,7 +135,7 @@ def test_a_broken_file_of_approvals_keeps_no_log_from_being_ingested(project, lo
         assert isinstance(tick(instance), dict)
         assert materialize(instance).success
         noted = instance.get_latest_materialization_event(dg.AssetKey(["approved_weights"])).asset_materialization
-        assert "'approvals' is 3, wanted a list. Mend it, or delete it" in noted.metadata["can't be used"].value
+        assert "'approvals' is 3, expected a list. Mend it, or delete it" in noted.metadata["can't be used"].value
 
 
 def test_logs_that_come_back_are_ingested_again_however_often(project, log_bytes):

@@ -213,7 +213,7 @@ def worker(folder: Path, threads: int = 1) -> SimpleNamespace:
 def test_a_worker_with_other_libraries_or_several_threads_is_refused(tmp_path):
     (tmp_path / "pipeline").mkdir()
     (tmp_path / "pipeline/__init__.py").touch()
-    with pytest.raises(RuntimeError, match=r"10\.0\.0\.7:1 has other libraries: numpy .*, wanted 1\.0"):
+    with pytest.raises(RuntimeError, match=r"10\.0\.0\.7:1 has other libraries: numpy .*, expected 1\.0"):
         ShippedCode(tmp_path, {"numpy": "1.0"}).setup(worker(tmp_path))
     with pytest.raises(RuntimeError, match="has 2 threads; start it with --nthreads 1"):
         ShippedCode(tmp_path, {}).setup(worker(tmp_path, threads=2))

@@ -38,7 +38,7 @@ def faults_of(mutant, got, sentence, path) -> list[str]:
     """Differences between the outcome of a mutant and the wanted one."""
     faults = []
     if got != mutant.want:
-        faults.append(f"{mutant.name}: {got}, wanted {mutant.want} ({sentence[:160]})")
+        faults.append(f"{mutant.name}: {got}, expected {mutant.want} ({sentence[:160]})")
     elif mutant.want == REFUSED:
         if not re.search(mutant.says, sentence):
             faults.append(f"{mutant.name}: the sentence does not match '{mutant.says}': {sentence[:300]}")

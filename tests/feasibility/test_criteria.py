@@ -204,7 +204,7 @@ def test_the_limit_of_slip_grows_with_the_speed_over_ground(robot, limits):
     for code, (least, by_speed) in {
         "foot_slip_p95": limits.feet.slip_p95,
         "foot_slip_mean": limits.feet.slip_mean,
-        "foot_told_slip_mean": limits.feet.told_slip_mean,
+        "foot_inferred_slip_mean": limits.feet.inferred_slip_mean,
     }.items():
         first, second, third = (found[code].limit for found in at_speed.values())
         assert first == pytest.approx(least, abs=1e-6)

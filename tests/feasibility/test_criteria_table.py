@@ -171,9 +171,9 @@ def test_what_is_wrong_is_said_all_of_it(table: pd.DataFrame):
 def test_what_does_not_apply_says_why_and_does_not_hold(table: pd.DataFrame):
     rows = _rows(table, "sunk, of the robot")
     assert rows["contact_disagreement"]["message"] == rows["foot_slip_mean"]["message"] == "no contact labels"
-    assert rows["foot_glide_s"]["verdict"] == rows["foot_told_slip_mean"]["verdict"] == "holds"
+    assert rows["foot_glide_s"]["verdict"] == rows["foot_inferred_slip_mean"]["verdict"] == "holds"
     assert _rows(table, "good")["foot_slip_mean"]["verdict"] == "holds"
-    assert _rows(table, "good")["foot_told_slip_mean"]["verdict"] == "holds"
+    assert _rows(table, "good")["foot_inferred_slip_mean"]["verdict"] == "holds"
     assert _rows(table, "good")["foot_glide_s"]["message"] == "contacts are labelled"
     assert rows["limb_error_deg"]["message"] == "no figure of retargeting: the robot's own recording"
     assert _rows(table, "unlike")["trunk_error_deg"]["message"] == "no figure of retargeting: KP3 had no sample of it"

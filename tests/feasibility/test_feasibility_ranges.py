@@ -38,7 +38,11 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
         ("saturation_run_s: {value: 0.8", "saturation_run_s: {value: -1", r"'torque.saturation_run_s' is -1"),
         ("residual_window_s: {value: 0.5", "residual_window_s: {value: 0", r"'torque.residual_window_s' is 0"),
         ("followed: {value: 0.5", "followed: {value: 2", r"'tracking.followed' is 2, allowed is 0 to 1"),
-        ("told_slip_mean: {value: [0.05", "told_slip_mean: {value: [-0.1", r"'feet.told_slip_mean\[0\]' is -0.1"),
+        (
+            "inferred_slip_mean: {value: [0.05",
+            "inferred_slip_mean: {value: [-0.1",
+            r"'feet.inferred_slip_mean\[0\]' is -0.1",
+        ),
         ("slip_mean: {value: [0.1, 0.06]", "slip_mean: {value: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
         (
             "glide_s: {value: [0.08, 0.075]",
@@ -90,8 +94,8 @@ def test_every_number_bears_unit_source_and_a_sentence():
 @pytest.mark.parametrize(
     ("part", "instead", "said"),
     [
-        (r"\{value: ([\d.]+),[^}]*\}", r"\1", "wanted {value: …, unit: "),
-        (r"unit: [^,]*,", "unit: bananas,", ".unit' is 'bananas', wanted '"),
+        (r"\{value: ([\d.]+),[^}]*\}", r"\1", "expected {value: …, unit: "),
+        (r"unit: [^,]*,", "unit: bananas,", ".unit' is 'bananas', expected '"),
         (r"source: \w+,", "source: told,", ".source' is 'told', there are: cal, lit, phys, judge"),
         (r', why: "[^"]*"', "", ".why' is missing"),
     ],

@@ -110,7 +110,7 @@ def test_feet_that_slide_are_found_whatever_is_labelled(robot: Robot, limits: Fe
     contacts = np.tile(told[labels], (clip.frame_count, 1)) if labels in told else None
     motion = motion_of(dataclasses.replace(clip, contacts=contacts), robot, limits)
     found = {verdict.code: verdict for verdict in foot_slip(motion, limits.feet)}
-    of_soles = found["foot_told_slip_mean"]
+    of_soles = found["foot_inferred_slip_mean"]
     assert of_soles.value == pytest.approx(0.08, abs=0.005)
     assert of_soles.limit == pytest.approx(0.05, abs=0.005)
     assert not of_soles.holds
@@ -130,7 +130,7 @@ def test_of_two_feet_that_the_soles_tell_to_be_down_the_slower_one_is_held_to_st
     velocity[:, 1, :, 0] = 0.3
     on_its_way = dataclasses.replace(motion, sole=dataclasses.replace(motion.sole, corner_vel_w=velocity))
     found = {verdict.code: verdict for verdict in foot_slip(on_its_way, limits.feet)}
-    assert found["foot_told_slip_mean"].value == pytest.approx(0.0, abs=0.001)
+    assert found["foot_inferred_slip_mean"].value == pytest.approx(0.0, abs=0.001)
     assert found["foot_slip_mean"].value == pytest.approx(0.15, abs=0.001), "the label says that it stands"
 
 
@@ -146,7 +146,7 @@ def test_a_foot_that_leaves_as_the_other_comes_down_is_not_held_to_stand(robot: 
         verdict.code: verdict
         for verdict in foot_slip(dataclasses.replace(motion, sole=soles, contacts=contacts), limits.feet)
     }
-    assert found["foot_told_slip_mean"].value == pytest.approx(0.0, abs=1e-3)
+    assert found["foot_inferred_slip_mean"].value == pytest.approx(0.0, abs=1e-3)
 
 
 def test_labels_are_taken_at_their_word(robot: Robot, limits: FeasibilitySettings):

@@ -142,8 +142,8 @@ QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
     ("name", "value", "case"),
     [
         ("feet.level", 0.001, _slips_at_the_heel),
-        ("feet.told_slip_mean", (0.1, 0.04), _slides(0.08, 0.0)),
-        ("feet.told_slip_mean", (0.05, 0.0), _slides(0.08, 1.5)),
+        ("feet.inferred_slip_mean", (0.1, 0.04), _slides(0.08, 0.0)),
+        ("feet.inferred_slip_mean", (0.05, 0.0), _slides(0.08, 1.5)),
         ("feet.glide_s", (0.2, 0.075), _glides(0.2, 0.5)),
         ("feet.glide_s", (0.08, 0.0), _glides(0.16, 1.6)),
         ("cut.max_cuts", 0, _keeps_what_is_left),

@@ -29,7 +29,7 @@ def test_a_foot_that_is_down_for_two_frames_is_no_stance_to_slip_in(robot: Robot
         contacts[40 : 40 + length] = True
         found = _judgement(dataclasses.replace(clip, contacts=contacts), robot).found
         assert {found[code].not_applicable for code in ("foot_slip_mean", "foot_slip_p95")} == {said}
-        assert found["foot_told_slip_mean"].not_applicable == "", "the soles tell that both stand"
+        assert found["foot_inferred_slip_mean"].not_applicable == "", "the soles tell that both stand"
 
 
 def test_where_no_sole_is_down_there_is_no_stance_either(robot: Robot):
@@ -37,7 +37,7 @@ def test_where_no_sole_is_down_there_is_no_stance_either(robot: Robot):
     above = dataclasses.replace(clip, root_pos_w=clip.root_pos_w + np.array([0.0, 0.0, 0.05]))
     for labelled, asked in ((True, "foot_slip_p95"), (False, "foot_glide_s")):
         found = _judgement(above if labelled else dataclasses.replace(above, contacts=None), robot).found
-        assert found["foot_told_slip_mean"].not_applicable == "no foot is in contact"
+        assert found["foot_inferred_slip_mean"].not_applicable == "no foot is in contact"
         assert found[asked].not_applicable == ""
 
 
@@ -52,5 +52,5 @@ def test_where_of_two_feet_each_slides_in_its_only_inner_frame_none_is_held_to_s
     for fast, said in ((soles, "no foot is in contact"), (motion.sole, "")):
         assessed = assess(dataclasses.replace(motion, sole=fast, contacts=contacts), LIMITS)
         found = judge(assessed, (), 0).found
-        assert {found[code].not_applicable for code in ("foot_told_slip_mean", "foot_slip_p95")} == {said}
+        assert {found[code].not_applicable for code in ("foot_inferred_slip_mean", "foot_slip_p95")} == {said}
         assert found["foot_slip_mean"].not_applicable == "no contact labels"

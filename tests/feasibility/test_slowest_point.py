@@ -98,7 +98,7 @@ def test_without_labels_a_foot_that_moves_low_while_the_other_stands_is_on_its_w
     assert told.contacts.all()
     assert all(verdict.holds for verdict in foot_slip(told, limits.feet))
     holds = {verdict.code: verdict.holds for verdict in foot_slip(_motion(robot, limits, soles, BOTH), limits.feet)}
-    assert holds == {"foot_slip_mean": False, "foot_slip_p95": False, "foot_told_slip_mean": True}
+    assert holds == {"foot_slip_mean": False, "foot_slip_p95": False, "foot_inferred_slip_mean": True}
 
 
 def test_without_labels_two_feet_that_slide_are_told(robot: Robot, limits: FeasibilitySettings):

@@ -18,7 +18,7 @@ from tests.factories.robot_clips import standing, wandering
 from tests.factories.simulated_clip import simulated_standing
 
 PUSH_N = 8.0
-INFERRED = ("foot_told_slip_mean", "contact_disagreement", "foot_glide_s")
+INFERRED = ("foot_inferred_slip_mean", "contact_disagreement", "foot_glide_s")
 
 
 @pytest.fixture(scope="module")

@@ -81,7 +81,7 @@ def test_a_section_with_a_digest_of_its_own_still_keeps_the_bounds(path):
     [
         ("approvals: [\n", "line 2: "),
         ("proposal: x\nchanges: 3\n", "unknown key 'changes'"),
-        ("approvals: 3\n", "'approvals' is 3, wanted a list"),
+        ("approvals: 3\n", "'approvals' is 3, expected a list"),
         ("", "'the file' is None"),
         ("approvals:\n- {section: weights, proposal: x, digest: y}\n", r"'approvals\[0\].changes' is missing"),
         (

@@ -120,5 +120,5 @@ def test_rules_of_the_form_with_playing_speeds_alone_are_refused_in_one_sentence
     old = "augmentation:\n  kinds: [fall]\n  first: 0.15\n  per_experiment: 0.05\n  most: 0.2\n\n"
     path = tmp_path / "feedback_rules.yaml"
     path.write_text(text[:start] + old + text[stop:])
-    with pytest.raises(SettingsError, match=r"'augmentation\.kinds' is \['fall'\], wanted a mapping"):
+    with pytest.raises(SettingsError, match=r"'augmentation\.kinds' is \['fall'\], expected a mapping"):
         settings.read(path, FeedbackRules)

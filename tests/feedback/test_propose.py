@@ -127,7 +127,7 @@ def test_a_cell_that_is_walked_well_in_most_logs_is_left_alone():
 def test_a_motor_needs_two_logs_that_agree():
     alone = proposal(report(1, saturated(36.0)))
     assert "motors" not in {change.section for change in alone.changes}
-    assert any("2 are wanted" in sentence for sentence in alone.silent)
+    assert any("2 are required" in sentence for sentence in alone.silent)
     agreed = values(proposal(report(1, saturated(36.0)), report(2, saturated(36.4))))
     assert agreed[("motors", "Left_Knee_Pitch")] == pytest.approx(36.2)
     differing = proposal(report(1, saturated(30.0)), report(2, saturated(40.0)))

@@ -107,7 +107,7 @@ def test_a_motor_needs_two_recordings():
     for again in (torn, piece):
         found = proposal(one, again)
         assert "motors" not in {change.section for change in found.changes}
-        assert any("1 log says so, 2 are wanted" in sentence for sentence in found.silent)
+        assert any("1 log says so, 2 are required" in sentence for sentence in found.silent)
     other = _timed(4, saturated(36.4), start_s=60.0)
     assert values(proposal(one, torn, other))[("motors", "Left_Knee_Pitch")] == pytest.approx(36.2)
 

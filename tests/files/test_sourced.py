@@ -51,16 +51,16 @@ def test_unit_and_source_of_each_number_are_told_by_its_name(tmp_path):
 @pytest.mark.parametrize(
     ("part", "instead", "says"),
     [
-        (SPEED, "  speed: 2\n", r"'walk.speed' is 2, wanted \{value: …, unit: m/s, source: cal"),
+        (SPEED, "  speed: 2\n", r"'walk.speed' is 2, expected \{value: …, unit: m/s, source: cal"),
         (SPEED, "", "'walk.speed' is missing"),
-        ("unit: m/s", "unit: km/h", "'walk.speed.unit' is 'km/h', wanted 'm/s'"),
+        ("unit: m/s", "unit: km/h", "'walk.speed.unit' is 'km/h', expected 'm/s'"),
         ("source: lit", "source: [lit]", r"'walk.speed.source' is \['lit'\], there are: cal, lit, phys, judge"),
-        ("why: A person walks at half of it.", "why: 3", "'walk.speed.why' is 3, wanted a sentence"),
+        ("why: A person walks at half of it.", "why: 3", "'walk.speed.why' is 3, expected a sentence"),
         ("value: 2, ", "", "'walk.speed.value' is missing"),
         ("value: 2, ", "value: 2, limit: 3, ", "unknown key 'walk.speed.limit', there are: value, unit, source, why"),
         ("value: 2", "value: -2", "'walk.speed' is -2, allowed is more than 0"),
-        ("value: 2", "value: fast", "'walk.speed' is 'fast', wanted float"),
-        ("[0.1, 0.2]", "[0.1]", "'walk.share' has 1 entries, wanted more"),
+        ("value: 2", "value: fast", "'walk.speed' is 'fast', expected float"),
+        ("[0.1, 0.2]", "[0.1]", "'walk.share' has 1 entries, expected more"),
     ],
 )
 def test_a_number_that_is_not_whole_is_refused_by_its_name(tmp_path, part, instead, says):

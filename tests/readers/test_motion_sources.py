@@ -72,7 +72,7 @@ sources:
         ("licence: MIT, ", "", r"'sources\[0\].licence' is missing"),
         ("name: mine", "name: my/own", "the source name 'my/own'"),
         ("credit: me", "colour: red", r"unknown key 'sources\[0\].colour'"),
-        ("credit: me", "statement: {unit: 3}", r"'sources\[0\].statement.unit' is 3, wanted str"),
+        ("credit: me", "statement: {unit: 3}", r"'sources\[0\].statement.unit' is 3, expected str"),
     ],
 )
 def test_faults_of_the_sources_file_are_named(tmp_path, old, new, match):

@@ -101,10 +101,10 @@ def test_a_motion_without_its_skeleton_is_ambiguous(tmp_path):
     ("old", "new", "match"),
     [
         ("ltibia 0.0\n", "", "frame 1 lacks: ltibia"),
-        ("ltibia 0.0\n", "ltibia 0.0 1.0\n", "'ltibia' has 2 numbers, wanted 1"),
+        ("ltibia 0.0\n", "ltibia 0.0 1.0\n", "'ltibia' has 2 numbers, expected 1"),
         ("ltibia 0.0\n", "ltibia 0.0\nltibia 0.0\n", "once a frame"),
         ("ltibia 0.0\n", "ltail 0.0\n", "'ltail' does not move in the ASF"),
-        ("ltibia 0.0\n", "ltibia nan\n", "ltibia is 'nan', wanted a finite number"),
+        ("ltibia 0.0\n", "ltibia nan\n", "ltibia is 'nan', expected a finite number"),
         ("\n2\n", "\n3\n", "frame 3 follows frame 1"),
         (":DEGREES", ":RADIANS", "radians are not supported"),
         ("\n1\n", "\n", "begins with its frame 1"),

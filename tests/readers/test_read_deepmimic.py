@@ -59,11 +59,11 @@ def damaged(change):
     [
         ({"Loop": "wrap"}, "no list 'Frames'"),
         ({"Frames": []}, "no list 'Frames', or it is empty"),
-        (damaged(lambda rows: rows[3].pop()), "frame 3 has 43 numbers, wanted 44"),
+        (damaged(lambda rows: rows[3].pop()), "frame 3 has 43 numbers, expected 44"),
         (damaged(lambda rows: rows.__setitem__(2, "row")), "frame 2 has str numbers"),
         (damaged(lambda rows: rows[4].__setitem__(9, "1.0")), "frame 4 holds something that is not a number"),
         (damaged(lambda rows: rows[5].__setitem__(8, 2.0)), "the quaternion of 'chest' at frame 5 has norm 2"),
-        (damaged(lambda rows: rows[5].__setitem__(0, 0.1)), "one rate is wanted"),
+        (damaged(lambda rows: rows[5].__setitem__(0, 0.1)), "one rate is expected"),
         (damaged(lambda rows: [row.__setitem__(0, 0.0) for row in rows]), "a frame lasts 0 s"),
         (damaged(lambda rows: rows.__delitem__(slice(1, None))), "1 frame"),
     ],

@@ -97,7 +97,7 @@ def test_a_split_pose_of_which_a_part_is_missing_or_of_another_length_is_refused
     with pytest.raises(FileError, match="no known motion"):
         read_motion(tmp_path / "clip.npz", "clip")
     np.savez(tmp_path / "clip.npz", **{**arrays, lost: arrays[lost][:-1]})
-    with pytest.raises(FileError, match="wanted the same frames"):
+    with pytest.raises(FileError, match="expected the same frames"):
         read_motion(tmp_path / "clip.npz", "clip")
 
 
@@ -152,9 +152,9 @@ def test_a_body_model_of_joints_alone_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"poses": np.zeros((20, 70))}, "wanted the same frames and 66, 72, 156 or 165 columns"),
-        ({"trans": np.zeros((19, 3))}, "wanted the same frames"),
-        ({"trans": np.zeros((20, 2))}, "'trans' is of float64 with shape 20×2, wanted n×3 numbers"),
+        ({"poses": np.zeros((20, 70))}, "expected the same frames and 66, 72, 156 or 165 columns"),
+        ({"trans": np.zeros((19, 3))}, "expected the same frames"),
+        ({"trans": np.zeros((20, 2))}, "'trans' is of float64 with shape 20×2, expected n×3 numbers"),
         ({"poses": np.full((20, 72), "a")}, "'poses' is of <U1"),
         ({"mocap_framerate": np.nan}, "'mocap_framerate' is not one finite number"),
     ],
@@ -236,7 +236,7 @@ def test_isaac_lab_quaternions_in_another_order_are_refused(tmp_path):
 
 def test_isaac_lab_quaternions_that_are_not_unit_are_refused(tmp_path):
     path = amp_npz(tmp_path / "clip.npz", body_rotations=np.full((12, 15, 4), 0.6))
-    with pytest.raises(FileError, match=r"quaternion at frame 0 has norm 1.2, wanted 0.99 to 1.01"):
+    with pytest.raises(FileError, match=r"quaternion at frame 0 has norm 1.2, expected 0.99 to 1.01"):
         read_motion(path, "clip")
 
 

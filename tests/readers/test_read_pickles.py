@@ -131,7 +131,7 @@ class Own:
         (Own(), r"it holds 'copyreg|it holds '.*Own"),
         ({"a": Evil()}, r"system', which is never loaded"),
         (np.array([Evil()], dtype=object), r"system', which is never loaded"),
-        ([1, 2], "it holds a list, wanted named arrays"),
+        ([1, 2], "it holds a list, expected named arrays"),
         ({"a": {"poses": np.zeros((3, 72))}, "b": {"poses": np.zeros((3, 72))}}, r"it holds 2 motions \(a, b, ...\)"),
         ({"speed": np.zeros((3, 2))}, "no known motion: it holds speed"),
         ({}, "no known motion: it holds nothing"),

@@ -87,7 +87,7 @@ def test_a_csv_with_wxyz_under_names_of_xyzw_lies_on_its_side_and_is_refused(tmp
 
 
 @pytest.mark.parametrize(
-    ("row", "match"), [("1,2,3", "the row has 3 numbers, wanted 30"), (",".join(["x"] * 30), "not a number: 'x'")]
+    ("row", "match"), [("1,2,3", "the row has 3 numbers, expected 30"), (",".join(["x"] * 30), "not a number: 'x'")]
 )
 def test_a_damaged_row_is_refused_with_its_line(tmp_path, row, match):
     path = write_csv(tmp_path / "clip.csv", csv_rows(), HEADER, "# fps: 50")

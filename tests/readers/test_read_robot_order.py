@@ -74,7 +74,7 @@ def test_a_robot_that_stands_is_the_same_motion_under_both_orders_and_needs_no_s
     np.testing.assert_array_equal(read_motion(path, "clip").clip.root_quat_w[0], [1.0, 0, 0, 0])
     stated = read_motion(path, "clip", Statement(quaternion="wxyz")).clip
     np.testing.assert_array_equal(np.abs(stated.root_quat_w[0]), [0, 0, 0, 1.0])
-    with pytest.raises(FileError, match="the stated order of the quaternion is 'zyx', wanted wxyz or xyzw"):
+    with pytest.raises(FileError, match="the stated order of the quaternion is 'zyx', expected wxyz or xyzw"):
         read_motion(path, "clip", Statement(quaternion="zyx"))
 
 

@@ -38,11 +38,11 @@ def line_of(needle):
         ("Frames: 4", "Frames: 1e9", "Frames is 1e9"),
         ("Frames: 4", "Frames: 2.5", "Frames is 2.5"),
         ("Frames: 4", "Frames: -4", "Frames is -4"),
-        ("Frames: 4", "Frames: many", "Frames is 'many', wanted a finite number"),
-        ("Frame Time: 0.0166667", "Frame Time: 0", "Frame Time is '0', wanted"),
-        ("Frame Time: 0.0166667", "Frame Time: -0.01", "Frame Time is '-0.01', wanted"),
+        ("Frames: 4", "Frames: many", "Frames is 'many', expected a finite number"),
+        ("Frame Time: 0.0166667", "Frame Time: 0", "Frame Time is '0', expected"),
+        ("Frame Time: 0.0166667", "Frame Time: -0.01", "Frame Time is '-0.01', expected"),
         ("Frame Time: 0.0166667", "Frame Time: nan", "Frame Time is 'nan'"),
-        ("Frame Time: 0.0166667", "Frame Time: 1e-300", "wanted 0.0001 to 1"),
+        ("Frame Time: 0.0166667", "Frame Time: 1e-300", "expected 0.0001 to 1"),
         ("Frame Time: 0.0166667\n", "", "followed by"),
         ("JOINT Chest", "JOINT Spine", "'Spine' is used twice"),
         ("Zrotation", "Wrotation", "unknown channel 'Wrotation'"),
@@ -86,7 +86,7 @@ def test_a_row_that_is_too_long_is_refused_with_its_line(tmp_path):
     refuse(
         tmp_path,
         GOOD.replace(ROWS[1], ROWS[1] + " 1.0"),
-        "the row has 67 numbers, wanted 66",
+        "the row has 67 numbers, expected 66",
         line=line_of(ROWS[1]),
     )
 
@@ -214,7 +214,7 @@ def test_a_person_who_lies_down_has_no_up_axis_until_it_is_stated(tmp_path):
     text = files.bvh(files.upright(4), files.BvhStyle(root_turn=oblique))
     refuse(tmp_path, text, "the up axis can't be inferred", error=AmbiguousFileError)
     assert read_motion(tmp_path / "clip.bvh", "clip", Statement(up="y")).up_axis == "y"
-    with pytest.raises(FileError, match="wanted one of z, y, x"):
+    with pytest.raises(FileError, match="expected one of z, y, x"):
         read_motion(tmp_path / "clip.bvh", "clip", Statement(up="north"))
 
 

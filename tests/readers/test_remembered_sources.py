@@ -133,7 +133,7 @@ RECORDED = {"name": "a", "folder": "/a", "named_in": "data/sources.yaml", "files
     ("change", "told"),
     [
         ({"path": "/b"}, "unknown key 'sources[0].path', there are: name, folder, named_in, files"),
-        ({"files": "1"}, "'sources[0].files' is '1', wanted int"),
+        ({"files": "1"}, "'sources[0].files' is '1', expected int"),
         ({"files": -1}, "'sources[0].files' is -1, allowed is at least 0"),
         ({"named_in": "x"}, "'sources[0].named_in' is 'x', there are: data/sources.yaml, BOOSTER_LAB_MOTIONS"),
     ],

@@ -99,7 +99,7 @@ def test_the_template_is_a_map_that_reads_a_figure_it_names(tmp_path):
             "pelvis: {joint: Hips, up: y, left: -y}",
             "'pelvis' uses one axis twice",
         ),
-        ("pelvis: {joint: Hips, up: y, left: x}", "pelvis: {joint: Hips, up: y, down: x}", "wanted two that differ"),
+        ("pelvis: {joint: Hips, up: y, left: x}", "pelvis: {joint: Hips, up: y, down: x}", "expected two that differ"),
         ("joint: Hips", "joints: Hips", "unknown key 'bodies.pelvis.joints'"),
     ],
 )

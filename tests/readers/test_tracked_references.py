@@ -103,7 +103,7 @@ def test_a_reference_that_does_not_serve_is_refused_with_one_sentence(folder, ro
 @pytest.mark.parametrize("content", ["tracks: 3\n", "tracks: [a]\n", "tracks: ''\n"])
 def test_a_file_beside_the_recording_that_names_no_path_is_refused(folder, robot, content):
     (folder / "takes" / "rollout.yaml").write_text(content)
-    with pytest.raises(FileError, match=r"rollout\.yaml: 'tracks' is .*, wanted the path of a motion"):
+    with pytest.raises(FileError, match=r"rollout\.yaml: 'tracks' is .*, expected the path of a motion"):
         _read(folder, _source(folder), standing(robot))
     assert content_digest(folder / "takes" / "rollout.csv", _source(folder))
 

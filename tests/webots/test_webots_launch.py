@@ -228,7 +228,7 @@ def test_a_result_of_before_is_not_taken(tmp_path: Path, project: Project, short
     code = GOOD_RESULT + "result['run'] = 'yesterday'; (home / run['result']).write_text(json.dumps(result))"
     outcome = run(tmp_path, project, short_walk, code)
     assert outcome.status == "stale result"
-    assert outcome.reason.startswith("the result is of another run ('yesterday', wanted '")
+    assert outcome.reason.startswith("the result is of another run ('yesterday', expected '")
 
 
 def test_a_port_that_was_taken_meanwhile_is_tried_again(tmp_path: Path, project: Project, short_walk: WebotsSettings):

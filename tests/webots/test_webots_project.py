@@ -189,7 +189,7 @@ def test_only_stated_timesteps_are_offered(robot: Robot):
             r"'segments\[6\].seconds' is 2, allowed is 'measured_s' \(3\)",
         ),
         ("segments:  ", "segments: []  ", "'segments' is empty, allowed is one or more"),
-        ("measured_s: 3.0 ", "measured_s: three ", "'measured_s' is 'three', wanted float"),
+        ("measured_s: 3.0 ", "measured_s: three ", "'measured_s' is 'three', expected float"),
     ],
 )
 def test_a_walk_whose_means_have_nothing_to_be_of_is_refused(old: str, new: str, says: str, root: Path, tmp_path: Path):

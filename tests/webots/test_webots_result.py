@@ -49,7 +49,7 @@ def test_a_whole_result_is_read():
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({"timestep_ms": "5"}, "'timestep_ms' is '5', wanted a number"),
+        ({"timestep_ms": "5"}, "'timestep_ms' is '5', expected a number"),
         ({"seconds": None}, "'seconds' is None"),
         ({"seconds": True}, "'seconds' is True"),
         ({"seconds": 10**400}, "'seconds' is 1000"),
