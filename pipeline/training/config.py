@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -266,8 +267,8 @@ class Config:
 def _check(name: str, value: Any, facts: Mapping[str, Any]) -> None:
     if facts["words"] and value not in facts["words"]:
         raise TrainingError(f"option '{name}' is '{value}'; it must be {' or '.join(facts['words'])}.")
-    least = -float("inf") if facts["least"] is None else facts["least"]
-    most = float("inf") if facts["most"] is None else facts["most"]
+    least = -sys.float_info.max if facts["least"] is None else facts["least"]
+    most = sys.float_info.max if facts["most"] is None else facts["most"]
     numbers = value if isinstance(value, tuple) else (value,)
     if not facts["words"] and not all(least <= number <= most for number in numbers):
         shown = " to ".join(f"{number:g}" for number in numbers)

@@ -61,6 +61,7 @@ def test_options_round_trip_through_texts():
         ("discriminator.loss", "hinge", "'discriminator.loss' is 'hinge'; it must be wasserstein or bce"),
         ("discriminator.style", "1.5", r"is 1.5; 0 to 1 is allowed \[share\]"),
         ("discriminator.style", "nan", r"is nan; 0 to 1 is allowed"),
+        ("rewards.track_all", "inf", r"is inf; 0 to 1.79769e\+308 is allowed"),
         ("discriminator.by_command", "maybe", "must look like 'true'"),
         ("commands.standing_share", "0.9", "standing_share, single_axis_share and fast_share sum to 1.55"),
     ],
