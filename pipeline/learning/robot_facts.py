@@ -90,6 +90,8 @@ def read_head(folder: Path, schema: str) -> tuple[dict[str, Any], str]:
     found = about.get("schema") if isinstance(about, dict) else about
     if found != schema:
         raise TrainingError(f"{folder}/bundle.json: schema {found!r}; this version reads {schema!r}. {CURE}")
+    if not isinstance(about.get("files"), dict):
+        raise TrainingError(f"{folder}/bundle.json: states no digests of its files. {CURE}")
     for name, stated in about["files"].items():
         if hashlib.sha256(_bytes(folder / name)).hexdigest() != stated:
             raise TrainingError(f"{folder / name}: its digest is not the one in bundle.json. {CURE}")

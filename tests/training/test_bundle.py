@@ -82,6 +82,10 @@ def test_a_bundle_has_what_it_states_and_can_do_without_augmented_clips(tmp_path
     robot_xml.unlink()
     with pytest.raises(TrainingError, match=r"robot\.xml: the file is missing"):
         read_bundle(folder)
+    head = folder / "bundle.json"
+    head.write_text(json.dumps({"schema": json.loads(head.read_text())["schema"]}))
+    with pytest.raises(TrainingError, match=r"bundle\.json: states no digests of its files"):
+        read_bundle(folder)
 
 
 def moved(clip, speed: float):
