@@ -87,6 +87,8 @@ def chosen_device(name: str) -> str:
     import torch
 
     if name == "cpu":
+        if int(os.getenv("WORLD_SIZE", "1")) > 1:
+            raise TrainingError("--device is 'cpu', but torchrun is for several GPUs. Start one process, without it.")
         return name
     if not torch.cuda.is_available():
         raise TrainingError(f"--device is '{name}', but PyTorch finds no GPU here. Use --device cpu.")

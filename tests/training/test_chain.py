@@ -239,6 +239,7 @@ def test_a_wrong_request_gets_one_sentence(arguments, message, capsys, monkeypat
         ("gpu", "1", "there is no device 'gpu'"),
         ("cuda", "4", "there is no device 'cuda:3'"),
         ("cuda:0", "2", "torchrun gives each process its own GPU"),
+        ("cpu", "2", "--device is 'cpu', but torchrun is for several GPUs"),
     ],
 )
 def test_a_gpu_that_is_not_there_gets_one_sentence(capsys, monkeypatch, device, processes, message):
