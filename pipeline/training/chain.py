@@ -195,6 +195,8 @@ def _same_run(out: Path, config: dict[str, Any], settings: Sequence[str]) -> dic
         known = json.loads(path.read_text())
     except ValueError as error:
         raise TrainingError(f"{path}: is not JSON ({error}). Give another --out.") from error
+    if not isinstance(known, dict) or not isinstance(known.get("options", {}), dict):
+        raise TrainingError(f"{path}: is of no training run. Give another --out.")
     asked = json.loads(json.dumps(config))
     at, differs = "", [name for name in settings if known.get(name) != asked[name]]
     if "options" in differs:

@@ -165,6 +165,13 @@ def test_a_folder_of_another_run_is_refused(run, folder, tmp_path, capsys):
     assert f"another schedule.minutes. {cure}" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("content", ["[]", '{"options": 3}'])
+def test_a_folder_of_another_program_is_refused(folder, tmp_path, capsys, content):
+    (tmp_path / "config.json").write_text(content)
+    assert main(command(folder, tmp_path, *BOTH)) == 2
+    assert f"{tmp_path / 'config.json'}: is of no training run. Give another --out." in capsys.readouterr().err
+
+
 def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, capsys):
     """Its steps and GPU time are counted by their number; a finished run may be validated by any."""
     shutil.copytree(run, tmp_path / "run")
