@@ -120,7 +120,9 @@ class Stage(ABC):
         state = load_checkpoint(path, self.request.device)
         try:
             self.load(state)
-            self.resumed_at = [*map(int, state.get("resumed_at", [])), int(state["iteration"])]
+            self.resumed_at = [*map(int, state.get("resumed_at", []))]
+            if int(state["iteration"]) < self._iterations:  # else nothing is left to train, and the network is the same
+                self.resumed_at.append(int(state["iteration"]))
         except torch.OutOfMemoryError:
             raise  # no fault of the checkpoint; the command says what to do
         except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:

@@ -172,6 +172,15 @@ def test_a_folder_of_another_program_is_refused(folder, tmp_path, capsys, conten
     assert f"{tmp_path / 'config.json'}: is of no training run. Give another --out." in capsys.readouterr().err
 
 
+def test_a_stage_killed_after_its_last_checkpoint_was_not_continued(run, folder, tmp_path, monkeypatch):
+    shutil.copytree(run, tmp_path / "run")
+    (tmp_path / "run" / "amp" / "done.json").unlink()
+    monkeypatch.setattr(chain.AmpStage, "iterate", lambda *_: pytest.fail("trained again"))
+    assert main(command(folder, tmp_path / "run", *BOTH)) == 0
+    assert json.loads((tmp_path / "run" / "amp" / "done.json").read_text())["resumed_at"] == []
+    assert (tmp_path / "run" / "policy.npz").read_bytes() == (run / "policy.npz").read_bytes()
+
+
 def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, capsys):
     """Its steps and GPU time are counted by their number; a finished run may be validated by any."""
     shutil.copytree(run, tmp_path / "run")
