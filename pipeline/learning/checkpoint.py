@@ -15,6 +15,7 @@ NAME = re.compile(r"^model_(\d{6})\.pt$")
 STATES = ("actor_state_dict", "critic_state_dict", "optimizer_state_dict")
 COUNTS = ("iteration", "environment_steps")
 PARTS = (*STATES, *COUNTS)
+REMOVE = "Remove the file and repeat the command: it continues from the checkpoint before."
 MOST_BYTES = 384_000_000
 """Of a checkpoint: actor and critic, each a network of at most the size of a policy, and two moments of Adam for each
 parameter."""
@@ -46,14 +47,15 @@ def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
         check_torch_archive(path, MOST_BYTES)
         state = torch.load(path, map_location=device, weights_only=True)
     except FileError as error:
-        raise TrainingError(f"{path}: is no checkpoint of ours and was not loaded ({error.problem})") from error
+        problem = f"is no checkpoint of ours and was not loaded ({error.problem.rstrip('.')}). {REMOVE}"
+        raise TrainingError(f"{path}: {problem}") from error
     except OSError as error:
         raise TrainingError(f"{path}: can't be read ({error.strerror or error}).") from error
     except (MemoryError, torch.OutOfMemoryError) as error:
         problem = f"there is no memory left on {device} to load it; end what else runs there."
         raise TrainingError(f"{path}: {problem}") from error
     except Exception as error:  # a damaged archive or pickle raises whatever a parser on its way does
-        problem = f"is no checkpoint of ours and was not loaded ({_first_line(error)})."
+        problem = f"is no checkpoint of ours and was not loaded ({_first_line(error)}). {REMOVE}"
         raise TrainingError(f"{path}: {problem}") from error
     missing = [part for part in PARTS if not isinstance(state, dict) or part not in state]
     if missing:

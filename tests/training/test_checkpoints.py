@@ -76,6 +76,12 @@ def test_a_shortage_of_memory_is_not_called_damage(tmp_path, monkeypatch, error)
     assert "no checkpoint of ours" not in str(error_info.value)
 
 
+def test_a_truncated_checkpoint_gets_a_sentence_that_says_what_to_do(tmp_path):
+    (tmp_path / "model_000100.pt").write_bytes(b"PK")
+    with pytest.raises(TrainingError, match=r"model_000100\.pt: .* Remove the file and repeat the command"):
+        load_checkpoint(tmp_path / "model_000100.pt", "cpu")
+
+
 def test_a_file_of_other_contents_is_no_checkpoint(tmp_path):
     path = tmp_path / "model_000001.pt"
     torch.save({"weights": torch.ones(1)}, path)
