@@ -1,4 +1,4 @@
-"""KP4 on one reference: its nominal rollout and its disturbed ones, cut where tracking fails."""
+"""KP4 for one reference: its nominal and disturbed rollouts, cut where tracking fails."""
 
 import dataclasses
 import hashlib
@@ -23,15 +23,15 @@ from pipeline.tracking.task import CONTROL_HZ
 from pipeline.tracking.tracker import load_tracker
 
 NOT_TRACKED = "not_tracked"
-"""Reason against a reference that the nominal rollout does not follow to its end."""
+"""Reason code of a reference that the nominal rollout does not follow to its end."""
 
 AS_RETARGETED = ("original", "mirror")
-"""Variants that show the motion as it was retargeted."""
+"""Variants with the unmodified retargeted motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What rollouts need besides their reference."""
+    """Inputs of rollouts other than the reference."""
 
     settings: TrackingSettings
     robot: Robot
@@ -42,12 +42,12 @@ class Setup:
 def process(clip: RobotClip, numbers: Numbers, *, setup: Setup) -> Outcome:
     """The rollouts of a reference: `<name>~rollout`, and `<name>~rollout1`, … under disturbances.
 
-    A piece carries its reference and place in it, its disturbance and its tracking errors, and with its motion the
-    simulation's torques and contact forces. Where tracking fails a rollout is cut, and starts again a little later on
-    the reference. A failure of the nominal rollout is a reason against the reference.
+    The numbers of a piece have its reference and position in it, its disturbance and its tracking errors; its clip has
+    the simulated torques and contact forces. Where tracking fails a rollout is cut, and restarted a little later on the
+    reference. A failure of the nominal rollout is a reason against the reference.
 
-    Raises ClipError for a clip of another rate or of less than three frames, FileError for a tracker that does not
-    fit.
+    Raises ClipError for a clip of another rate or with fewer than three frames, FileError for a tracker of another
+    robot.
     """
     rollouts, settings = _Rollouts(clip, setup), setup.settings
     count = disturbed_count(clip, numbers, settings)
@@ -65,7 +65,7 @@ def process(clip: RobotClip, numbers: Numbers, *, setup: Setup) -> Outcome:
 
 
 def disturbed_count(clip: RobotClip, numbers: Numbers, settings: TrackingSettings) -> int:
-    """Disturbed rollouts of a reference: more of a short original or mirror image than of a long one."""
+    """Number of disturbed rollouts of a reference; higher for short originals and mirror images."""
     if numbers.get("variant") not in AS_RETARGETED:
         return settings.disturbed_variants
     if not settings.disturbed:
