@@ -1,4 +1,4 @@
-"""Named arrays of a file, checked when they are taken, whatever the file's format."""
+"""Named arrays of a file of any format, checked on access."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -10,14 +10,14 @@ from pipeline.errors import FileError
 from pipeline.files import page_memory
 
 ROWS_AT_ONCE = 4096
-"""Rows that are converted together: what is in between takes little memory."""
+"""Rows per batch of a conversion, which limits the memory for intermediate results."""
 
 LARGEST = 1e9
-"""Larger numbers are no quantity of a motion in any unit; they are taken for missing, as NaN and infinity are."""
+"""Largest plausible number of a motion in any unit; larger ones count as missing, like NaN and infinity."""
 
 
 def known_numbers(values: np.ndarray) -> np.ndarray:
-    """The numbers of a file, NaN in place of what is not finite or larger than `LARGEST`."""
+    """Replace values that are not finite or exceed `LARGEST` by NaN."""
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(values) <= LARGEST, values, np.nan)
 
@@ -31,19 +31,19 @@ class ArrayFile(ABC):
 
     @abstractmethod
     def stored(self, name: str) -> np.ndarray:
-        """One array as the file stores it. Raises FileError when it is missing, or damaged, or of objects."""
+        """One array as stored. Raises FileError if it is missing, damaged or has objects."""
 
     def array(self, name: str) -> np.ndarray:
-        """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
+        """One array; numbers as float64. Raises FileError if it is missing, damaged or has objects."""
         value = self.stored(name)
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
     def has(self, *names: str) -> bool:
-        """All of the names are there."""
+        """Whether all of the names exist."""
         return all(name in self.shapes for name in names)
 
     def first(self, *names: str) -> str | None:
-        """The first of the names that is there."""
+        """The first of the names that exists."""
         return next((name for name in names if name in self.shapes), None)
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
@@ -55,7 +55,7 @@ class ArrayFile(ABC):
         return found
 
     def stored_numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """An array of numbers of that shape as the file stores it (`finite_rows`). Raises FileError for any other."""
+        """An array of numbers of that shape as stored (for `finite_rows`). Raises FileError for any other."""
         value = self.stored(name)
         fits = len(shape) == value.ndim and all(
             wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
@@ -69,7 +69,7 @@ class ArrayFile(ABC):
         return value
 
     def refuse_other_length(self, name: str, than: str, frames: int) -> None:
-        """Raises FileError where the array `name` is there and has not `frames` rows as the array `than` has."""
+        """Raise FileError if the array `name` exists and does not have `frames` rows, as the array `than` has."""
         shape = self.shapes.get(name, (frames,))
         if not shape or shape[0] != frames:
             problem = f"'{name}' has {shape[0] if shape else 'no'} rows and '{than}' has {frames}."
@@ -83,12 +83,12 @@ class ArrayFile(ABC):
         return float(value.reshape(-1)[0])
 
     def optional_number(self, *names: str) -> float | None:
-        """The number under the first of the names that is there."""
+        """The number of the first name that exists."""
         name = self.first(*names)
         return None if name is None else self.number(name)
 
     def optional_texts(self, *names: str) -> tuple[str, ...] | None:
-        """The list of names under the first of the names that is there."""
+        """The list of names of the first name that exists."""
         name = self.first(*names)
         return None if name is None else self.texts(name)
 
