@@ -47,7 +47,8 @@ class ArrayFile(ABC):
         return next((name for name in names if name in self.shapes), None)
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """A float array whose shape is `shape` (None: any length); what is not finite or too large becomes NaN."""
+        """A float array whose shape is `shape` (None: any length); values that are not finite or too large become
+        NaN."""
         value = self.stored_numbers(name, *shape)
         found = page_memory.empty(value.shape)
         for start in range(0, len(value), ROWS_AT_ONCE):
@@ -58,13 +59,11 @@ class ArrayFile(ABC):
         """An array of numbers of that shape as stored (for `finite_rows`). Raises FileError for any other."""
         value = self.stored(name)
         fits = len(shape) == value.ndim and all(
-            wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
+            expected in (None, got) for expected, got in zip(shape, value.shape, strict=True)
         )
         if value.dtype.kind not in "fiu" or not fits:
-            wanted = "×".join("n" if length is None else str(length) for length in shape)
-            problem = (
-                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, expected {wanted} numbers."
-            )
+            expected = "×".join("n" if length is None else str(length) for length in shape)
+            problem = f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, expected {expected} numbers."
             raise FileError(self.path, problem)
         return value
 
@@ -101,6 +100,6 @@ class ArrayFile(ABC):
 
 
 def finite_rows(value: np.ndarray, start: int, stop: int) -> np.ndarray:
-    """Rows [start, stop) of an array of numbers as float64; what is not finite or too large becomes NaN."""
+    """Rows [start, stop) of an array of numbers as float64; values that are not finite or too large become NaN."""
     with np.errstate(invalid="ignore"):  # signalling NaN
         return known_numbers(value[start:stop].astype(float))
