@@ -42,7 +42,7 @@ SHORTEST_LEVER = 0.1
 """Least lever arm [m] from the shoulder; points closer to it are turned as if they were at this distance."""
 
 
-def turns_of(
+def arm_turns(
     kinematics: Kinematics, poses: LinkPoses, robot: Robot, settings: ClearanceSettings, spread: float
 ) -> Float[np.ndarray, "t 2 3"]:
     """Rotation vectors [rad], world frame, about the shoulders (left, right) that move the arms out of thighs and
@@ -67,11 +67,15 @@ def turns_of(
     point_w = elbow_w + shares * (hand_w - elbow_w)
     away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)
     direction_w = _sideways_or_shortest(away_w, outward_w[:, None], settings.arm_distance / 2.0)
-    from_thigh = _turn_by(point_w - shoulder_w, way_out(away_w, direction_w, settings.arm_distance) * direction_w)
+    from_thigh = _turn_by(
+        point_w - shoulder_w, clearing_distance(away_w, direction_w, settings.arm_distance) * direction_w
+    )
     outer_w = point_w[:, OUTER_POINTS]
     away_w = outer_w - _closest_on_segment(outer_w, bottom_w, top_w)
     direction_w = rotation.normalize(away_w)
-    from_trunk = _turn_by(outer_w - shoulder_w, way_out(away_w, direction_w, settings.trunk_distance) * direction_w)
+    from_trunk = _turn_by(
+        outer_w - shoulder_w, clearing_distance(away_w, direction_w, settings.trunk_distance) * direction_w
+    )
     turns = np.concatenate([np.zeros_like(from_thigh[:, :1]), from_thigh, from_trunk], axis=1)
     largest = rotation.length(turns).argmax(axis=1)
     turn = np.take_along_axis(turns, largest[:, None, :, None], axis=1)[:, 0]
@@ -106,7 +110,7 @@ def through_stances(
     return result
 
 
-def way_out(
+def clearing_distance(
     away: Float[np.ndarray, "*n 3"], direction: Float[np.ndarray, "*n 3"], distance: float
 ) -> Float[np.ndarray, "*n 1"]:
     """Distance s >= 0 [m] along the unit vector `direction` at which |away + s direction| = `distance`; 0 if already so
@@ -147,7 +151,7 @@ def _dot(a: Float[np.ndarray, "*#n 3"], b: Float[np.ndarray, "*#n 3"]) -> Float[
     return products[..., :1] + products[..., 1:2] + products[..., 2:]
 
 
-def cleared(
+def corrected_targets(
     targets: Targets, poses: LinkPoses, robot: Robot, sole: Sole, settings: ClearanceSettings, fps: float
 ) -> Targets:
     """Correct the targets by the errors of the first pass.
@@ -167,7 +171,7 @@ def cleared(
     kinematics = Kinematics(robot)
     spread = settings.spread_s * fps
     pelvis_pos_w, limb_dir_w = targets.pelvis_pos_w.copy(), targets.limb_dir_w.copy()
-    turns = rotation.from_rotvec(turns_of(kinematics, poses, robot, settings, spread))
+    turns = rotation.from_rotvec(arm_turns(kinematics, poses, robot, settings, spread))
     limb_dir_w[:, ARMS] = rotation.rotate(turns[:, ARM_SIDES], limb_dir_w[:, ARMS])
     corners_w = kinematics.site_pos_w(poses, [name for names in robot.sole_corners for name in names])
     lowest = corners_w[..., 2].reshape(len(corners_w), 2, -1).min(axis=2)

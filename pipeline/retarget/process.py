@@ -14,7 +14,7 @@ from pipeline.clips.outcome import Clip, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.quality.planar_motion import command_velocity
-from pipeline.retarget.clearance import cleared
+from pipeline.retarget.clearance import corrected_targets
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.settings import RetargetSettings
@@ -88,7 +88,7 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     posture = time_series.smooth(first.joint_pos, fps, settings.posture_smooth_hz)
     posture_weight = weights.posture_second_held if held.any() else weights.posture_second
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
-    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, fps)
+    targets = corrected_targets(targets, poses, robot, solver.body.sole, settings.clearance, fps)
     second = solver.solve(human.name, targets, posture, posture_weight, settings, first)
     smoother = with_smooth_path(targets, _pelvis_pos_w(second, robot))
     if smoother is not None:
