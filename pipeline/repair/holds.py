@@ -127,7 +127,7 @@ def find_holds(
     return [
         _hold(one, others, limits)
         for one, others in suspects
-        if not any(_gives_way(one, others, *more, limits) for more in suspects)
+        if not any(_caused_by_neighbour(one, others, *more, limits) for more in suspects)
     ]
 
 
@@ -163,7 +163,7 @@ def _suspect(one: Rest, others: list[Rest], limits: Limits) -> bool:
     return not locked or min(one.entered, one.left) > limits.entering
 
 
-def _gives_way(one: Rest, others: list[Rest], next_to: Rest, its_others: list[Rest], limits: Limits) -> bool:
+def _caused_by_neighbour(one: Rest, others: list[Rest], next_to: Rest, its_others: list[Rest], limits: Limits) -> bool:
     """Whether a rest jumps because an adjacent one is a hold.
 
     Of two adjacent rests, the hold is the one whose pose does not recur, else the one with jumps at both ends, else the
