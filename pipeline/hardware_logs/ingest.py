@@ -150,7 +150,7 @@ def _notes(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> tuple[s
 
 def _missed(stated: StatedFacts, robot: Robot, pieces: int) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Trusted missed bars for the trial's metadata, and messages about the others."""
-    missed, doubts = missed_bars.heard(stated.facts, robot.joint_names)
+    missed, doubts = missed_bars.trusted_bars(stated.facts, robot.joint_names)
     if missed and pieces > 1:
         return {}, (f"in which of its {pieces} trials it missed its bars is not known: they are left out.",)
     return {"missed": [asdict(each) for each in missed]} if missed else {}, doubts

@@ -72,7 +72,7 @@ def open_chunk(content: bytes, limit: int) -> tuple[bytes, bool]:
     chunk = records.Chunk.read(fields)
     size, crc = chunk.uncompressed_size, chunk.uncompressed_crc
     if fields.count != len(content):
-        raise ValueError(f"a chunk that says {len(chunk.data)} bytes is followed by {len(content) - fields.count}")
+        raise ValueError(f"a chunk that states {len(chunk.data)} bytes is followed by {len(content) - fields.count}")
     if size > limit:
         raise ValueError(f"a chunk of {size} bytes, at most {limit} are allowed")
     data = _inflate(chunk.data, chunk.compression, size)
@@ -87,7 +87,7 @@ def _inflate(stored: bytes, compression: str, size: int) -> bytes:
     try:
         if compression == "zstd":
             if zstandard.frame_content_size(stored) not in (-1, size):
-                raise ValueError("a chunk of another size than it says")
+                raise ValueError("a chunk of another size than it states")
             inflater = zstandard.ZstdDecompressor(max_window_size=WINDOW_BYTES)
             data = inflater.decompress(stored, max_output_size=size) if size else b""
         elif compression == "lz4":
@@ -99,7 +99,7 @@ def _inflate(stored: bytes, compression: str, size: int) -> bytes:
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise ValueError(f"a chunk that can't be inflated ({str(error).splitlines()[0][:80]})") from error
     if len(data) != size:
-        raise ValueError("a chunk of another size than it says")
+        raise ValueError("a chunk of another size than it states")
     return data
 
 

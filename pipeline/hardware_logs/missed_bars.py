@@ -109,7 +109,7 @@ def note_of(missed: Sequence[MissedBar]) -> dict[str, str]:
     return {NOTE: json.dumps([asdict(each) for each in missed], sort_keys=True, allow_nan=False)}
 
 
-def heard(facts: LogFacts, joint_names: Collection[str]) -> tuple[tuple[MissedBar, ...], tuple[str, ...]]:
+def trusted_bars(facts: LogFacts, joint_names: Collection[str]) -> tuple[tuple[MissedBar, ...], tuple[str, ...]]:
     """The plausible missed bars that a log states, and a message about the others."""
     if NOTE not in facts.notes:
         return (), ()
