@@ -88,7 +88,7 @@ def _read(folder: Path, take: Callable[[DatabaseClip], None] | None) -> tuple[di
     table = _read_index(folder, faults)
     if table is not None:
         if len(table) != head["clips"]:
-            faults.append(f"{index.FILE}: has {len(table)} clips, the manifest says {head['clips']}")
+            faults.append(f"{index.FILE}: has {len(table)} clips, the manifest states {head['clips']}")
         for name, file in zip(table["clip"], table["file"], strict=True):
             if take is None:
                 if file not in head["files"]:

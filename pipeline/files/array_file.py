@@ -59,11 +59,12 @@ class ArrayFile(ABC):
         """An array of numbers of that shape as stored (for `finite_rows`). Raises FileError for any other."""
         value = self.stored(name)
         fits = len(shape) == value.ndim and all(
-            expected in (None, got) for expected, got in zip(shape, value.shape, strict=True)
+            length in (None, rows) for length, rows in zip(shape, value.shape, strict=True)
         )
         if value.dtype.kind not in "fiu" or not fits:
             expected = "×".join("n" if length is None else str(length) for length in shape)
-            problem = f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, expected {expected} numbers."
+            got = "×".join(map(str, value.shape))
+            problem = f"'{name}' is of {value.dtype} with shape {got}, expected {expected} numbers."
             raise FileError(self.path, problem)
         return value
 

@@ -150,7 +150,7 @@ def _read_member(archive: zipfile.ZipFile, name: str) -> np.ndarray:
         array = page_memory.empty(shape[::-1] if columns_first else shape, dtype)
         page_memory.fill(array, stream)
         if stream.read(1):
-            raise ValueError("it holds more than its shape says")
+            raise ValueError("it holds more than its shape states")
     return array.T if columns_first else array
 
 

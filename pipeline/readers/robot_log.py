@@ -40,7 +40,7 @@ def read_robot_log(path: Path) -> RobotMotion:
         f"recorded without a gap; its path is from leg odometry, and the log is of a "
         f"{'simulated' if trial.simulated else 'real'} robot."
     )
-    heard = dict.fromkeys(note for each in trials for note in each.notes)
+    notes = dict.fromkeys(note for each in trials for note in each.notes)
     step = max(round(trial.rate_hz / RATE_HZ), 1)
     frames = slice(start, stop, step)
     joint_pos = trial.joint_pos[frames]
@@ -57,7 +57,7 @@ def read_robot_log(path: Path) -> RobotMotion:
         fps=trial.rate_hz / step,
         notes=(
             Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s"),
-            *(Reason(code="log_note", text=note, effect="noted") for note in heard),
+            *(Reason(code="log_note", text=note, effect="noted") for note in notes),
         ),
     )
 

@@ -107,7 +107,7 @@ class Source:
         licences, index_fault = _index(self.folder)
         notes = [("broken_sidecar", sidecar_fault)]
         if index_fault is not None and licence is None and self._within(path) not in licences:
-            notes.append(("broken_index", f"the table of licences says nothing of the motion: {index_fault}"))
+            notes.append(("broken_index", f"the table of licences does not list the motion: {index_fault}"))
         return tuple(Reason(code=code, text=text, effect="noted") for code, text in notes if text is not None)
 
     def about(self, path: Path) -> dict[str, str | float | None]:
@@ -232,7 +232,7 @@ def _sidecar_licence(path: Path) -> tuple[str | None, str | None]:
         fault = SettingsError(path.with_suffix(".yaml"), f"it can't be read ({error.strerror}).")
     except SettingsError as error:
         fault = error
-    return None, f"the file beside the motion says nothing of its licence: {fault}"
+    return None, f"the file beside the motion does not state its licence: {fault}"
 
 
 def _index(folder: Path) -> tuple[dict[str, str], str | None]:

@@ -69,7 +69,7 @@ def refuse_pointer(path: Path) -> None:
         with path.open("rb") as stream:
             start = stream.read(len(POINTER))
     except OSError:
-        return  # the reader says what is wrong with it
+        return  # the reader reports the error
     if start == POINTER:
         problem = "it is a Git LFS pointer: the file itself was not downloaded."
         raise FileError(path, problem, "Run `git lfs pull` in its repository.")

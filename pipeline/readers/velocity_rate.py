@@ -154,7 +154,7 @@ def checked_rate(
         then, effect = f"{usual:g} Hz is taken", "repaired"
     else:
         then, effect = "which is no usual rate. State the right one as `fps:` in data/sources.yaml", "rejected"
-    text = f"the file says {stated:g} Hz, but its own velocities are those of {fps:.4g} Hz: {then}"
+    text = f"the file states {stated:g} Hz, but its own velocities are those of {fps:.4g} Hz: {then}"
     value, limit = round(fps / stated, 3), 1.0 + CONTRADICTED
     reason = Reason(code="time_base", text=text, effect=effect, value=value, limit=limit)
     return declared if effect == "rejected" else fps, (reason,)
