@@ -131,7 +131,7 @@ def _too_little_recorded(
     if share >= least:
         return ()
     if measured["speed_mean"] is None:
-        found = f"of {clip.frame_count} frames none is in a stretch of {settings.velocity_s:g} s that tells a speed"
+        found = f"of {clip.frame_count} frames none is in a stretch of {settings.velocity_s:g} s, which a speed needs"
     else:
         found = (
             f"where a speed can be measured {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
