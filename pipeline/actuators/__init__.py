@@ -1,1 +1,1 @@
-"""Real to sim: torque-speed measurements of the motors, their knees and armatures, and the robot adapted to them."""
+"""Real-to-sim: torque-speed measurements of the motors, their knees and armatures, and the adapted robot."""

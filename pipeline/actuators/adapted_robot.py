@@ -3,15 +3,15 @@
 A limit changes only if a measurement contradicts it: a nominal value inside the measured 95 % interval is confirmed and
 kept. So bench noise does not change the robot and the verdicts that depend on its limits.
 
-Simulators have two forms of motor limits, and mean different things by "velocity limit". The box (the paper; Isaac
+Simulators have two forms of motor limits, with different meanings of "velocity limit". The box (the paper; Isaac
 Lab's `effort_limit_sim`, `velocity_limit_sim`) holds torque and speed below the knee. The DC motor (Isaac Lab's
 `DCMotor`, mjlab's `DcMotorActuator`) is a line from the saturation torque at rest to no torque at the no-load speed,
 cut at the effort limit:
 
     torque <= min(effort limit, saturation (1 - speed / no-load speed))
 
-It meets the effort limit at the knee speed when saturation = knee torque / (1 - knee speed / no-load speed). Giving it
-the box's velocity limit as its own would leave no torque at the knee.
+It reaches the effort limit at the knee speed if saturation = knee torque / (1 - knee speed / no-load speed). With the
+box's velocity limit as its no-load speed it would have no torque at the knee.
 """
 
 import csv
@@ -80,7 +80,7 @@ class JointActuator:
 
     joint: str
     motor: str
-    """Name in the motor table; empty without an entry."""
+    """Name of the motor in the motor table; empty without an entry."""
     verdict: str
     """Which limits were confirmed or changed, or why the measurement was not used."""
     box_effort_limit: float
@@ -175,7 +175,7 @@ def _limits(model: BoxLimits, found: Calibration | None, settings: ActuatorSetti
 
 
 def motors_source(actuators: Sequence[JointActuator]) -> str:
-    """Where the motor limits of a robot come from, for reports and cards: joints by kind of source."""
+    """Origin of a robot's motor limits, for reports and cards: joints by kind of source."""
     synthetic = sum(each.synthetic for each in actuators)
     fitted = sum(not math.isnan(each.dc_motor_no_load_speed) for each in actuators)
     counts = {"measured": fitted - synthetic, "synthetic sweep, never measured": synthetic}

@@ -34,15 +34,15 @@ def _no_fall(measurement: Measurement, fit: KneeFit, settings: KneeSettings) -> 
             f"{NO_FALL}; {beyond} points are beyond {knee:.2f} rad/s, expected at least {settings.fall_points}"
         )
     if rest < settings.fall_range:
-        wanted = f"expected at least {100 * settings.fall_range:.0f} %"
-        against.append(f"{NO_FALL}; {100 * rest:.0f} % of the speeds are beyond {knee:.2f} rad/s, {wanted}")
+        expected = f"expected at least {100 * settings.fall_range:.0f} %"
+        against.append(f"{NO_FALL}; {100 * rest:.0f} % of the speeds are beyond {knee:.2f} rad/s, {expected}")
     if last > settings.last_torque:
-        wanted = f"expected less than {100 * settings.last_torque:.0f} %"
-        against.append(f"{NO_FALL}; at its end are {100 * last:.0f} % of the knee torque, {wanted}")
+        expected = f"expected less than {100 * settings.last_torque:.0f} %"
+        against.append(f"{NO_FALL}; at its end are {100 * last:.0f} % of the knee torque, {expected}")
     if fit.fall_slope >= 0.0 or -fit.fall_slope < settings.slope_ratio * abs(fit.plateau_slope):
         slopes = f"{fit.fall_slope:.3g} N m s/rad beyond {knee:.2f} rad/s and by {fit.plateau_slope:.3g} before"
-        wanted = f"a fall {settings.slope_ratio:g} times as steep is required"
-        against.append(f"no knee: the torque changes by {slopes}; {wanted}")
+        expected = f"a fall {settings.slope_ratio:g} times as steep is required"
+        against.append(f"no knee: the torque changes by {slopes}; {expected}")
     return against
 
 
@@ -81,14 +81,14 @@ def _directions(measurement: Measurement, settings: KneeSettings) -> list[str]:
 
 
 IDLE_SPEED = 1.03
-"""A point faster than the no-load speed by more than this factor ..."""
+"""Ratio to the no-load speed above which a point may belong to a dragged motor."""
 IDLE_TORQUE = 0.1
-"""... and with less torque than this share of the knee's belongs to a dragged motor."""
+"""Torque relative to the knee's below which such a point belongs to a dragged motor."""
 MAX_TRIMS = 6
 
 
 SYNTHETIC = "synthetic: never measured"
-"""Note on a calibration from a file that says that its points were not measured."""
+"""Note on a calibration from a file that states that its points were not measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,9 +119,9 @@ class Calibration:
     notes: tuple[str, ...]
     """Remarks, such as omitted braking points or a synthetic sweep."""
     speed: tuple[float, ...] = ()
-    """The points: speed [rad/s] ..."""
+    """Joint speed of the points, magnitude [rad/s]."""
     torque: tuple[float, ...] = ()
-    """... and torque [N m], both at the joint, as magnitudes."""
+    """Joint torque of the points, magnitude [N m]."""
     forward: tuple[bool, ...] = ()
     outlier: tuple[bool, ...] = ()
 
@@ -131,7 +131,7 @@ class Calibration:
 
     @property
     def synthetic(self) -> bool:
-        """Whether the sweep was made up rather than measured."""
+        """Whether the sweep is synthetic, not measured."""
         return SYNTHETIC in self.notes
 
     @property
@@ -141,7 +141,7 @@ class Calibration:
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "Calibration":
-        """The calibration that `settings.plain` made this of."""
+        """Inverse of `settings.plain`."""
         plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
         if (knee := plain["knee"]) is not None:
             intervals = {name: Interval(**knee[name]) for name in ("speed", "torque")}

@@ -14,7 +14,7 @@ from pipeline.files import digest, settings
 from pipeline.files.csv_json import MAX_BYTES, csv_records, read_csv_text
 
 STAGE = "actuator_calibration"
-"""Stage under which answers are remembered."""
+"""Stage name of cached answers."""
 
 TABLE = "published_curves.csv"
 COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [rad/s]")
@@ -60,7 +60,7 @@ def read_published(folder: Path) -> dict[str, PublishedCurve]:
 
 
 TOO_LARGE = f"# more than {MAX_BYTES} bytes\n"
-"""Stands for the text of a file that is larger than any sweep; it has no rows, which is why it is refused."""
+"""Replaces the text of a file that is too large for a sweep; it has no rows, so it is refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,9 +108,9 @@ def calibrate_folder(folder: Path, values: ActuatorSettings, version: str, store
 
 
 def _text(path: Path) -> str | None:
-    """The file's text, None where there is no file. Bytes that are no UTF-8 are kept as marks, and refused later.
+    """The file's text; None without a file. Invalid UTF-8 is replaced by marks, which are refused later.
 
-    Of a file that is too large for a sweep a text without rows, for which it is refused.
+    For a file that is too large for a sweep, a text without rows, which is refused.
     """
     if not path.is_file():
         return None

@@ -2,10 +2,9 @@
 
     torque(speed) = T + s min(speed - k, 0) + m max(speed - k, 0)
 
-k is the knee speed, T the knee torque, s the slope of the plateau, which sags or is level but does not rise, m the
-slope of the fall. For a given k the model is linear, so the best fit over all k is found by search and not by descent:
-there are no starting values.
-Outliers are found against a fit of least absolute deviations, then left out.
+k is the knee speed, T the knee torque, s <= 0 the slope of the plateau, m the slope of the fall. For a given k the
+model is linear, so the best k is found by a grid search, without initial values. Outliers are detected by a fit of
+least absolute deviations and left out.
 
 The 95 % intervals are those of the profile likelihood: all values with which the other parameters can still be
 chosen so that the sum of squares stays below min (1 + t^2 / (n - 4)), t of Student's distribution with n - 4 degrees
@@ -44,7 +43,7 @@ class Interval:
 
     @property
     def width(self) -> float:
-        """Over the value."""
+        """Width of the interval relative to the value."""
         return (self.high - self.low) / abs(self.value)
 
     def times(self, factor: float) -> "Interval":
@@ -60,17 +59,17 @@ class KneeFit:
     plateau_slope: float
     fall_slope: float
     noise: float
-    """Standard deviation of the points about the lines, outliers left out [N m]."""
+    """Standard deviation of the points around the lines, without outliers [N m]."""
     outlier: Bool[np.ndarray, " n"]
 
     @property
     def stall_torque(self) -> float:
-        """Where the plateau's line meets speed 0 [N m]."""
+        """Torque of the plateau's line at speed 0 [N m]."""
         return self.knee_torque.value - self.plateau_slope * self.knee_speed.value
 
     @property
     def no_load_speed(self) -> float:
-        """Where the falling line meets torque 0 [rad/s]; infinite where it does not fall."""
+        """Speed of the falling line at torque 0 [rad/s]; infinite if it does not fall."""
         if self.fall_slope >= 0.0:
             return float("inf")
         return self.knee_speed.value - self.knee_torque.value / self.fall_slope
@@ -87,20 +86,20 @@ class _Lines:
     """Least squares for each of g knees. Variances are for noise of variance 1."""
 
     torque: Float[np.ndarray, " g"]
-    """At the knee."""
+    """Torque at the knee."""
     slope: Float[np.ndarray, " g"]
-    """Of the plateau."""
+    """Slope of the plateau."""
     fall: Float[np.ndarray, " g"]
     """Slope of the fall."""
     square_sum: Float[np.ndarray, " g"]
     variance: Float[np.ndarray, " g"]
-    """Of the knee torque."""
+    """Variance of the knee torque."""
     covariance: Float[np.ndarray, " g"]
-    """Of knee torque and slope of the plateau."""
+    """Covariance of knee torque and slope of the plateau."""
 
 
 class _Profile:
-    """Best lines through points for each of g knees: sagging ones, or level ones where the plateau would rise."""
+    """Best lines through points for each of g knees, with a level plateau if it would rise otherwise."""
 
     def __init__(self, x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], knees: Float[np.ndarray, " g"]):
         self.knees = knees
@@ -139,7 +138,7 @@ def fit_knee(speed: Float[np.ndarray, " n"], torque: Float[np.ndarray, " n"], ou
     Args:
         speed: at least 5 different speeds [rad/s], in any order
         torque: [N m]
-        outlier_sigma: a point further off than this many standard deviations is an outlier
+        outlier_sigma: distance in standard deviations above which a point is an outlier
     Raises ValueError for fewer than 5 different speeds.
     """
     if len(np.unique(speed)) <= PARAMETERS:

@@ -28,9 +28,9 @@ class Motor:
 
     @property
     def armature(self) -> float | None:
-        """Inertia of the rotors seen at the joint [kg m^2]: n N^2 J_m (the paper's equation, n motors a joint).
+        """Inertia of the rotors reflected to the joint [kg m^2]: n N^2 J_m (the paper's equation, n motors a joint).
 
-        Rounded to 12 digits, so that published figures come out as they are written. None without gear and rotor: the
+        Rounded to 12 digits, so that published figures are reproduced. None without gear and rotor: the
         joints keep the armature of the robot's folder.
         """
         if self.gear_ratio is None or self.rotor_inertia is None:
@@ -39,7 +39,7 @@ class Motor:
 
 
 class MotorJointError(FileError):
-    """A motor of the table that moves a joint which the robot lacks."""
+    """Raised for a motor of the table with a joint that the robot lacks."""
 
     def __init__(self, path: Path | str, motor: str, joint: str, robot: Robot):
         problem = f"motor '{motor}' moves the joint '{joint}', which robot '{robot.name}' does not have."

@@ -1,4 +1,4 @@
-"""Read a measurement file: stated facts are used, missing ones are requested, contradictions are refused.
+"""Read a measurement file: stated facts are used, missing ones are requested, contradictions are errors.
 
     # side: joint                                  joint or motor; with `motor` also `# gear_efficiency: 0.9`
     # source: ...                                  any other remark; `# synthetic: ...` for data that was never measured
@@ -6,7 +6,7 @@
     knee,positive,0.32,60.4,48,31
 
 Commas, semicolons or tabs separate; numbers may have a decimal comma. Rows may come in any order. Speed and torque may
-have signs: a row is one of driving where they agree, of braking where they do not, and braking rows are left out.
+be signed: a row with equal signs is driving, one with opposite signs braking; braking rows are left out.
 """
 
 import math
@@ -46,7 +46,7 @@ _HEADER = re.compile(r"\s*([A-Za-z_ ]+?)\s*(?:[\[(]\s*(.+?)\s*[\])])?\s*")
 
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
-    """N points of one motor's driving torque over speed, at the joint, sorted by speed."""
+    """n points of one motor's driving torque over speed, at the joint, sorted by speed."""
 
     speed: Float[np.ndarray, " n"]
     """[rad/s], 0 or more, at the joint."""
@@ -117,7 +117,15 @@ class _Rows:
 
 
 def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettings) -> Measurement:
-    """The sweep of `motor` in the text of a file, which messages call `file`. Raises FileError (AmbiguousFileError)."""
+    """Read the sweep of `motor` from the text of a file; `file` is its name in messages. Raises FileError
+    (AmbiguousFileError).
+
+    Args:
+        text: content of the file
+        file: name of the file, for messages
+        motor: motor of the table
+        settings: limits of the file
+    """
     about, table = _split(text, file)
     rows = _read_table(table, file, motor.name, about.get("decimal"))
     speed_factor, torque_factor = _to_joint(about, file, motor)
@@ -226,7 +234,7 @@ def _driving(rows: _Rows, file: str, settings: ReadingSettings) -> tuple[np.ndar
         if {1.0, -1.0} <= set(signed.tolist()):
             name = "positive" if forward else "negative"
             raise FileError(file, f"rows of the {name} direction have speeds of both signs.", "Correct the direction.")
-    # points at rest turn as the others of their direction do
+    # points at rest have the sign of the others of their direction
     usual = {way: float(np.sign(speed[rows.forward == way].sum())) or 1.0 for way in (True, False)}
     turning = np.where(speed != 0.0, np.sign(speed), np.where(rows.forward, usual[True], usual[False]))
     if np.any((turning < 0.0) & rows.forward):
@@ -261,7 +269,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[,.]\d{3}")
 def decimal_sign(texts: Sequence[str], stated: str | None, file: str) -> str:
     """`.` or `,`: the decimal sign of all these numbers. Raises FileError if ambiguous.
 
-    "1,234" may be a thousand or one and a bit: where every number with a comma is like that, the file must say which.
+    "1,234" may be 1234 or 1.234: if all numbers with a comma are ambiguous, the file must state the decimal sign.
     """
     if stated is not None:
         if stated not in DECIMALS:

@@ -8,9 +8,9 @@ class ReadingSettings:
     """Limits on a measurement file."""
 
     max_speed: float
-    """Faster than this at the joint [rad/s] is taken for another unit or the motor's side."""
+    """Joint speed above which another unit or the motor's side is assumed [rad/s]."""
     max_torque: float
-    """More than this at the joint [N m] is taken for another unit."""
+    """Joint torque above which another unit is assumed [N m]."""
     braking_torque: float
     """A torque against the motion above this share of the largest is braking and left out; below, noise."""
     clustered: float
@@ -57,7 +57,7 @@ class ModelSettings:
     armature: tuple[float, float]
     """[kg m^2]"""
     nominal_factor: float
-    """A knee further than this factor from the model's limit is taken for a wrong unit or side."""
+    """Ratio of a knee to the model's limit from which a wrong unit or side is assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Standing test: the robot holds a pose by explicit PD in MuJoCo, with the motors' torque limits.
 
-An explicit controller is unstable where the damping it is to give is large against the inertia it acts on: with the
-armature of the real gears the T1's stiff standing gains hold, with none they do not.
+An explicit controller is unstable if its damping is large relative to the inertia: with the armature of the real gears
+the T1's stiff standing gains are stable, without it they are not.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ TABLE = "standing.csv"
 COLUMNS = ("joint", "kp", "kd", "pos", "vendor_armature")
 TIMESTEP_S = 0.005
 FALLEN_DEG = 60.0
-"""A tilt beyond this is a fall."""
+"""Tilt above which the robot has fallen [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,12 +1,11 @@
-"""Joints of a leg that put its foot at given poses, all frames at once, within the joints' limits.
+"""Inverse kinematics of a leg for given foot poses, all frames at once, within joint limits.
 
-Damped Newton steps from given joints (Levenberg and Marquardt's damping, each frame with its own): the damping falls
-with every step that helps, so that steps become Newton's and digits double, and rises where a leg is nearly straight
-and a full step would overshoot.
+Levenberg-Marquardt from given joint angles, with a damping per frame: it decreases with each successful step, so that
+the convergence becomes quadratic, and increases where a leg is nearly straight and a full step would overshoot.
 
-Within limits: a foot in the air gives way to its ankle, one that stands does not. Each stance of a foot gets an offset;
-over the swings the offset has the least jerk, so that its position, speed and acceleration have no step where a foot
-is put down or lifted.
+At joint limits, a foot in the air may deviate from its orientation where its ankle is at its limit; a foot in stance
+may not. Each stance of a foot has an offset; over swings the offset follows a minimum-jerk curve, so that position,
+velocity and acceleration are continuous at touchdown and lift-off.
 """
 
 import itertools
@@ -24,19 +23,19 @@ from pipeline.robot import Robot
 from pipeline.robot.robot import Tree
 
 TOLERANCE = 1e-6
-"""A foot is where it is wanted if it misses its place [m] and its orientation [rad] by less."""
+"""Largest error of a foot's position [m] and orientation [rad] that counts as reached."""
 
 AIM = 1e-9
-"""Steps end at this miss [m, rad]: a thousandth of the tolerance leaves no noise in accelerations."""
+"""Error at which the iteration ends [m, rad]; far below the tolerance, to avoid noise in accelerations."""
 
 MOST_STEPS = 40
-"""From joints of a few degrees away four or five are enough; a leg that is stretched out takes more."""
+"""Most iterations. Four or five are enough from a few degrees away; a stretched leg needs more."""
 
 FIRST_DAMPING = 1e-4
-"""[m^2] as J J^T, in which a leg's lever is about .5 m."""
+"""Initial damping [m^2], added to J J^T; a leg's lever arm is about 0.5 m."""
 
 LONGEST_STEP = 0.3
-"""Of a joint [rad], so that no step leaves the branch that the leg is on."""
+"""Largest step of a joint [rad], so that the solution stays on the same branch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,13 +43,13 @@ class Leg:
     """The joints from the hip of one side to its foot; links from the hip down, the foot last."""
 
     base: int
-    """The link that the leg hangs on."""
+    """Index of the link that the leg is attached to."""
     links: Int[np.ndarray, " n"]
     joints: Int[np.ndarray, " n"]
 
 
 def legs_of(robot: Robot) -> tuple[Leg, Leg]:
-    """The left and the right leg: what of the way from each foot to the root is not the other's too."""
+    """The left and the right leg: the joints from each foot to the root that are not shared by both."""
     ways = [_way_up(robot.tree, int(robot.tree.site_link[robot.site(foot)])) for foot in robot.feet]
     legs = []
     for own, other in (ways, ways[::-1]):
@@ -68,12 +67,12 @@ def _way_up(tree: Tree, link: int) -> list[int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Reach:
-    """What a leg does to follow its foot."""
+    """Solution of a leg for its foot's poses."""
 
     joint_pos: Float[np.ndarray, "t n"]
-    """[rad]"""
+    """Joint angles of the leg [rad]."""
     miss: Float[np.ndarray, " t"]
-    """How far the foot is from where it is wanted, the larger of place [m] and orientation [rad]."""
+    """Error of the foot: the larger of position [m] and orientation [rad] error."""
 
     @property
     def reached(self) -> Bool[np.ndarray, " t"]:
@@ -87,10 +86,10 @@ def reach(
     foot: tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 4"]],
     joint_pos: Float[np.ndarray, "t n"],
 ) -> Reach:
-    """Joints of a leg for poses (place [m], orientation wxyz) of what it hangs on and of its foot, world frame.
+    """Joints of a leg for poses (position [m], orientation wxyz, world frame) of its base link and of its foot.
 
     Args:
-        joint_pos: where the steps begin [rad]; the solution is the one next to it. No limits are kept.
+        joint_pos: initial joint angles [rad], which select the solution branch; joint limits are not enforced
     """
     found = joint_pos.copy()
     error, jacobian = _error_and_jacobian(tree, leg, base, foot, found)
@@ -130,7 +129,7 @@ def _error_and_jacobian(
     foot: tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 4"]],
     joint_pos: Float[np.ndarray, "t n"],
 ) -> tuple[Float[np.ndarray, "t 6"], Float[np.ndarray, "t 6 n"]]:
-    """What the foot lacks (place, then rotation vector, world frame), and how each joint moves the foot."""
+    """Pose error of the foot (position, then rotation vector, world frame) and its Jacobian."""
     pos, quat = base
     origins, axes = [], []
     for index, link in enumerate(leg.links):
@@ -146,24 +145,25 @@ def _error_and_jacobian(
 
 
 SHORTEST_SWING_S = 0.2
-"""Swings below it are not lifted [s]: they are a foot that shuffles or a label that flickers."""
+"""Duration below which a swing is not lifted [s]: a shuffling foot or a flickering label."""
 
 PEAK = (0.4, 0.6)
-"""Parts of a swing between which the lift may have its peak; nearer to an end it would be too steep."""
+"""Range of the lift's peak, as shares of the swing; closer to an end the lift would be too steep."""
 
 LEAST_POWER = 3.0
-"""Of the time from each end of a swing: position, speed and acceleration of the lift begin and end at zero."""
+"""Least exponent of the time from each end of a swing, so that the lift starts and ends with zero velocity and
+acceleration."""
 
 
 def offset_by_stance(
     contact: Bool[np.ndarray, " t"], offset_at: Callable[[int], Float[np.ndarray, " 3"]]
 ) -> Float[np.ndarray, "t 3"]:
-    """Offset of one foot over time.
+    """Offset of one foot over time: constant in stances, minimum jerk in swings.
 
     Args:
-        contact: frames in which it stands
-        offset_at: the offset for a frame: it is called for the middle of each stance, and for the first and the last
-            frame of the motion where the foot is in the air there
+        contact: frames of stance
+        offset_at: function of a frame; evaluated in the middle of each stance, and in the first and the last frame of
+            the motion if the foot is in the air there
     """
     count = len(contact)
     knots = [(start, stop - 1, offset_at((start + stop - 1) // 2)) for start, stop in time_series.runs(contact)]
@@ -181,16 +181,17 @@ def offset_by_stance(
 
 
 def shortest_jerk(along: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """From 0 to 1 over 0 to 1, speed and acceleration zero at both ends (Flash and Hogan 1985)."""
+    """Minimum-jerk curve from 0 to 1 over [0, 1], with zero velocity and acceleration at both ends (Flash, Hogan
+    1985)."""
     return along**3 * (10.0 - 15.0 * along + 6.0 * along**2)
 
 
 def lift_in_swings(
     contact: Bool[np.ndarray, " t"], height: Float[np.ndarray, " t"], fps: float
 ) -> Float[np.ndarray, " t"]:
-    """0 in stances, and in each swing from 0 to 1 and back, with the 1 where the foot is highest, near the middle.
+    """Lift profile: 0 in stances, from 0 to 1 and back in each swing, with the peak where the foot is highest.
 
-    Swings that the motion begins or ends in are left alone, as are those shorter than `SHORTEST_SWING_S`.
+    Swings at the start or the end of the motion and those shorter than `SHORTEST_SWING_S` are not lifted.
     """
     lift = np.zeros(len(contact))
     for start, stop in time_series.runs(~contact):
@@ -205,23 +206,24 @@ def lift_in_swings(
 
 
 ANKLE_JOINTS, MOST_TURNED = 2, 0.15
-"""The last joints of a leg, and how far a foot in the air may turn where one of them ends [rad]."""
+"""Number of ankle joints of a leg, and largest rotation of a foot in the air when one is at its limit [rad]."""
 
 BLEND_S = 0.08
-"""A foot begins to turn up to twice this time before its ankle ends [s], so that the ankle does not stop at once."""
+"""Smoothing time of that rotation [s]: it starts up to twice this time before the limit, so that the ankle does not
+stop abruptly."""
 
 LIMIT_SLACK = 1e-6
-"""Rounding of a joint at its limit [rad]."""
+"""Tolerance of a joint at its limit [rad]."""
 
 
 def within_limits(
     clip: RobotClip, robot: Robot, leg: Leg, standing: Bool[np.ndarray, " t"], found: Reach
 ) -> Float[np.ndarray, "t n"] | Reason:
-    """A leg's joints within their limits, or what keeps the robot from the variant: a frame that the leg can't reach,
-    or a joint beyond its limit.
+    """A leg's joints within their limits, or the reason why the variant is infeasible: a frame out of reach, or a joint
+    beyond its limit.
 
-    A foot in the air turns by what its ankle lacks, up to `MOST_TURNED`; one that stands does not. Where the original
-    is beyond a limit the variant may be as far beyond it.
+    A foot in the air is rotated by the excess of its ankle, up to `MOST_TURNED`; a foot in stance is not. Where the
+    original exceeds a limit, the variant may exceed it by as much.
     """
     if not found.reached.all():
         frame = int(np.argmax(found.miss))
@@ -250,7 +252,7 @@ def within_limits(
 
 
 def _led_in(excess: Float[np.ndarray, " t"], standing: Bool[np.ndarray, " t"], fps: float) -> Float[np.ndarray, " t"]:
-    """At least the excess in every frame, nothing in stances, and in each swing as smooth as there is time for."""
+    """Smooth envelope of the excess: at least the excess in every frame, zero in stances."""
     led = excess.copy()
     for start, stop in time_series.runs(~standing):
         swing = excess[start:stop]

@@ -1,4 +1,4 @@
-"""A robot motion at another speed, and numbers of earlier stages as they are then and in a mirror."""
+"""Time scaling of a robot motion, and conversion of earlier stages' numbers for time scaling and mirroring."""
 
 import dataclasses
 
@@ -9,14 +9,14 @@ from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
 
 _POWERS = {"_m_s": 1, "_rad_s": 1, "_rad_s3": 3, "seconds": -1}
-"""How a number goes with the playing speed, by the unit that its name ends in."""
+"""Exponent of the time scale in a number, by the unit suffix of its name."""
 
 
 def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
     """The same path at `scale` times the speed and at the same rate.
 
-    Frame k of the result is the motion at the clip's time scale * k / fps, by cubic splines: linear
-    interpolation would put all acceleration at the old frames. The last frame is the last one inside.
+    Frame k of the result is the motion at time scale * k / fps of the clip, by cubic splines: linear interpolation
+    would concentrate all acceleration at the old frames. The last frame is the last one within the clip.
     """
     last_s = (clip.frame_count - 1) / clip.fps
     count = int(np.floor(last_s * clip.fps / scale + 1e-6)) + 1
@@ -34,7 +34,7 @@ def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
 
 
 def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
-    """Numbers of earlier stages, as they are at `scale` times the speed: speeds, seconds and jerk scale."""
+    """Convert numbers of earlier stages to `scale` times the speed: velocities, seconds and jerk."""
     scaled = dict(numbers)
     for name, value in numbers.items():
         power = next((power for ending, power in _POWERS.items() if name.endswith(ending)), 0)
@@ -44,11 +44,11 @@ def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
 
 
 _ODD_NUMBERS = ("lateral_m_s", "yaw_rate_rad_s", "heading_rad", "origin_y_m")
-"""Numbers that change their sign in a mirror."""
+"""Numbers that change their sign under mirroring."""
 
 
 def mirror_skill(skill: str) -> str:
-    """The skill's name in a mirror: `turn_left` becomes `turn_right`, `walk` stays."""
+    """The skill of the mirrored motion: `turn_left` becomes `turn_right`, `walk` is unchanged."""
     if skill.endswith("_left"):
         return skill.removesuffix("left") + "right"
     if skill.endswith("_right"):
@@ -57,7 +57,7 @@ def mirror_skill(skill: str) -> str:
 
 
 def mirror_numbers(numbers: Numbers) -> dict[str, Number]:
-    """Numbers of earlier stages, as they are for the mirrored clip."""
+    """Convert numbers of earlier stages to the mirrored clip."""
     mirrored = dict(numbers)
     for name in _ODD_NUMBERS:
         value = mirrored.get(name)

@@ -1,9 +1,9 @@
-"""A robot motion with longer or shorter steps, feet further apart or lifted higher, or a trunk that leans.
+"""Perturb a robot motion: step length, step width, foot lift or trunk lean.
 
-clip -> where the root and the feet are to be -> the legs solved again -> clip
+clip -> target poses of root and feet -> inverse kinematics of the legs -> clip
 
-A foot in stance keeps its pose at another place; a leg follows its foot from the root. All else (waist,
-arms, head, how the feet roll, when they are put down) is the original's.
+A foot in stance keeps its orientation and height at another position. Everything else (waist, arms, head, roll of the
+feet, contact times) is that of the original.
 """
 
 import dataclasses
@@ -23,16 +23,16 @@ from pipeline.quality.sole import ContactSettings, contact_from_sole, sole_motio
 from pipeline.robot import Kinematics, LinkPoses, Robot
 
 LEAST_CHANGE = 0.004
-"""A variant whose feet and root move by less [m] beside the original is none."""
+"""Least displacement of feet or root from the original for a variant [m]."""
 
 LEAST_LEAN = 1e-3
-"""[rad]"""
+"""Least change of the trunk's lean for a variant [rad]."""
 
 WALKING_M_S = 0.05
-"""Speed of the root [m/s] from which on its direction tells what is along the path and what is beside it."""
+"""Root speed above which its direction defines the direction of travel [m/s]."""
 
 MOST_LOWERED = 0.03
-"""[m] by which the root may be lowered so that the legs reach."""
+"""Most that the root may be lowered so that the legs reach [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,25 +49,25 @@ class Gait:
     hips_w: Float[np.ndarray, "t 3"]
     """Midpoint between the hips [m]."""
     heading: Float[np.ndarray, " t"]
-    """Of the root, without the turning of each step [rad]."""
+    """Heading of the root, without its oscillation in each stride [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """Where the root and the feet are to be."""
+    """Target poses of root and feet."""
 
     root_pos_w: Float[np.ndarray, "t 3"]
     root_quat_w: Float[np.ndarray, "t 4"]
     foot_offset_w: Float[np.ndarray, "t 2 3"]
-    """Beside the original's [m]."""
+    """Offset of the feet from the original [m]."""
 
 
 def perturb(
     clip: RobotClip, robot: Robot, kind: str, strength: float, name: str, contact: ContactSettings
 ) -> RobotClip | Reason:
-    """The clip with a perturbation of `pipeline.augment.process.KINDS`, or why there is none.
+    """The clip with a perturbation of `pipeline.augment.process.KINDS`, or the reason why there is none.
 
-    `contact` is what contact is in a clip that does not say its own.
+    `contact` has the limits for inferring contacts in a clip without labels.
     """
     gait = gait_of(clip, robot, contact)
     course = _COURSES[kind](gait, strength)
@@ -98,10 +98,9 @@ def perturb(
 
 
 def _lowering(gait: Gait, course: Course, poses: LinkPoses, legs: tuple[Leg, Leg]) -> float:
-    """How much lower the root has to be all the way [m], so that no leg is stretched further than in the original.
+    """Constant lowering of the root [m] for which no leg is stretched more than in the original.
 
-    One number for the whole motion, as who takes longer steps walks a little lower; zero where legs are not stretched,
-    `MOST_LOWERED` where that is not enough.
+    Zero if no leg is stretched more, `MOST_LOWERED` if that is not enough.
     """
     needed = 0.0
     for side, leg in enumerate(legs):
@@ -117,7 +116,7 @@ def _lowering(gait: Gait, course: Course, poses: LinkPoses, legs: tuple[Leg, Leg
 
 
 def gait_of(clip: RobotClip, robot: Robot, contact: ContactSettings) -> Gait:
-    """Contacts are the clip's, or by `contact` inferred from its soles where it has none."""
+    """Measure the gait of a clip; contacts are the clip's labels, or inferred from its soles with `contact`."""
     kinematics = Kinematics(robot)
     poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     hips = [int(leg.links[0]) for leg in legs_of(robot)]
@@ -134,14 +133,14 @@ def gait_of(clip: RobotClip, robot: Robot, contact: ContactSettings) -> Gait:
 
 
 def _steady(angle: Float[np.ndarray, " t"], fps: float) -> Float[np.ndarray, " t"]:
-    """Mean over a stride about each frame. The straight line between the ends is taken off meanwhile: the window
-    shrinks there, which would shift a motion that continues to turn."""
+    """Mean over a stride around each frame. The straight line between the ends is subtracted first and added again,
+    because the window shrinks at the ends, which would bias a continuous turn."""
     line = np.linspace(angle[0], angle[-1], len(angle))
     return line + time_series.moving_mean(angle - line, 2 * round(STRIDE_S * fps / 2.0) + 1)
 
 
 def _step_length(gait: Gait, factor: float) -> Course:
-    """The root's way is scaled, and with it where each foot stands along the way, before and behind the root alike."""
+    """Scale the root's path and each foot's position along it, in front of and behind the root."""
     root = gait.clip.root_pos_w
     more = (factor - 1.0) * (root - root[0]) * [1.0, 1.0, 0.0]
 
@@ -153,7 +152,7 @@ def _step_length(gait: Gait, factor: float) -> Course:
 
 
 def _along(gait: Gait, frame: int, vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-    """The part of a vector along the way that the root goes about a frame; less of it where the root hardly goes."""
+    """Component of a vector along the root's direction of travel at a frame; smaller where the root hardly moves."""
     root, half = gait.clip.root_pos_w, round(STRIDE_S * gait.clip.fps / 2.0)
     first, last = max(frame - half, 0), min(frame + half, len(root) - 1)
     velocity = (root[last] - root[first]) * [1.0, 1.0, 0.0] * gait.clip.fps / max(last - first, 1)
@@ -161,7 +160,7 @@ def _along(gait: Gait, frame: int, vector: Float[np.ndarray, " 3"]) -> Float[np.
 
 
 def _step_width(gait: Gait, more: float) -> Course:
-    """Half of it to the left for the left foot, half to the right for the right one, by the heading of each stance."""
+    """Move each foot outward by half of `more` [m], along the lateral axis of each stance's heading."""
 
     def offset_at(side: int, frame: int) -> np.ndarray:
         yaw = float(gait.heading[frame])
@@ -179,7 +178,7 @@ def _foot_lift(gait: Gait, more: float) -> Course:
 
 
 def _trunk_lean(gait: Gait, lean_deg: float) -> Course:
-    """The root turned about the lateral axis of its heading that runs between the hips: they stay where they are."""
+    """Rotate the root about the lateral axis through the hips, whose positions do not change."""
     course = _course(gait, lambda side, frame: np.zeros(3))
     lateral = np.stack([-np.sin(gait.heading), np.cos(gait.heading), np.zeros_like(gait.heading)], axis=1)
     turn = rotation.from_rotvec(np.radians(lean_deg) * lateral)
@@ -201,7 +200,7 @@ def _course(
     offset_at: Callable[[int, int], Float[np.ndarray, " 3"]],
     root_offset_w: Float[np.ndarray, "t 3"] | float = 0.0,
 ) -> Course:
-    """The original's course with an offset for each foothold and one of the root."""
+    """The original's targets with an offset for each foothold and for the root."""
     feet = [offset_by_stance(gait.contacts[:, side], partial(offset_at, side)) for side in range(2)]
     return Course(
         root_pos_w=gait.clip.root_pos_w + root_offset_w,

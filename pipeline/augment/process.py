@@ -1,4 +1,4 @@
-"""KP4 on one clip: the original and its variants, each with its name and numbers; and its settings."""
+"""KP4 for one clip: the original and its variants, each with name and numbers; and the settings."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -17,17 +17,17 @@ from pipeline.robot import Robot
 from pipeline.robot.mirror_image import MARK, mirror_clip
 
 _SPEEDS = ("forward_m_s", "lateral_m_s")
-"""Numbers that go with the length of the steps."""
+"""Numbers that are proportional to the step length."""
 
 
 @dataclass(frozen=True)
 class Strength(Range):
-    """A strength that changes something."""
+    """Check that a strength is in its range and not neutral."""
 
     neutral: float = 0.0
-    """The strength that changes nothing."""
+    """Strength without effect."""
     number: str = ""
-    """What a variant's strength is called among its numbers."""
+    """Key of the strength among a variant's numbers."""
 
     def problem(self, value: float) -> str | None:
         return f"is {value:g}, which is the original" if value == self.neutral else super().problem(value)
@@ -39,7 +39,7 @@ KINDS: dict[str, Strength] = {
     "foot_lift": Strength(0.0, 0.08, number="foot_lift_m"),
     "trunk_lean": Strength(-10.0, 10.0, number="trunk_lean_deg"),
 }
-"""Kind of perturbation -> strengths that it may have."""
+"""Kind of perturbation -> allowed strengths."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,13 +47,13 @@ class Strengths:
     """Variants to add to each clip: one for each strength of each kind. Empty: none."""
 
     step_length: Annotated[tuple[float, ...], KINDS["step_length"]] = ()
-    """Length of the steps over the original's, at the same cadence."""
+    """Step length relative to the original, at the same cadence."""
     step_width: Annotated[tuple[float, ...], KINDS["step_width"]] = ()
-    """Added between the feet [m]."""
+    """Additional step width [m]."""
     foot_lift: Annotated[tuple[float, ...], KINDS["foot_lift"]] = ()
-    """Added to the height over the ground at the highest point of each swing [m]."""
+    """Additional foot height at the highest point of each swing [m]."""
     trunk_lean: Annotated[tuple[float, ...], KINDS["trunk_lean"]] = ()
-    """Turn of the trunk about the lateral axis through the hips [deg]; forward is positive."""
+    """Additional lean of the trunk about the lateral axis through the hips [deg]; forward is positive."""
 
     def each(self) -> Iterator[tuple[str, float]]:
         """Every kind with every strength, in a fixed order."""
@@ -63,10 +63,10 @@ class Strengths:
 
 
 def perturbed_numbers(numbers: Numbers, kind: str, strength: float) -> dict[str, Number]:
-    """Numbers of earlier stages, as they are for the variant, and the strength of each kind, neutral for the others.
+    """Numbers of earlier stages for the variant, and the strength of each kind (neutral for the others).
 
-    Longer steps at the same cadence are faster in proportion. KP3's figures stay those of the original: they say how
-    alike the human and the robot are where nothing was changed on purpose.
+    Longer steps at the same cadence are proportionally faster. KP3's figures are those of the original, since they
+    compare human and robot without intentional changes.
     """
     found = dict(numbers)
     for name in _SPEEDS if kind == "step_length" else ():
@@ -78,7 +78,7 @@ def perturbed_numbers(numbers: Numbers, kind: str, strength: float) -> dict[str,
 
 @dataclass(frozen=True)
 class _Scale(Range):
-    """A time scale that changes something."""
+    """Check that a time scale is in its range and not 1."""
 
     def problem(self, value: float) -> str | None:
         return "is 1, which is the original" if value == 1.0 else super().problem(value)
@@ -91,21 +91,21 @@ class AugmentSettings:
     mirror: bool
     """Add each clip reflected in the robot's left-right plane."""
     time_scales: Annotated[tuple[float, ...], _Scale(0.5, 2.0)]
-    """Playing speeds to add beside the original: at 1.1 every speed is 1.1 times as high."""
+    """Time scales to add to the original: 1.1 makes all velocities 1.1 times as high."""
     unscaled_skills: Annotated[tuple[str, ...], OneOf(LABELS)]
-    """Skills that are played at no other speed: standing is the same slower."""
+    """Skills that are not time-scaled, such as standing."""
     perturbations: Strengths
     """Variants with other steps or another posture."""
     contact: ContactSettings
-    """What contact is in a recording that does not say it, where those are made."""
+    """Limits for inferring contacts in a recording without labels, for perturbations."""
 
 
 def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, robot: Robot) -> Outcome:
-    """The clip, its mirror image, and both at other playing speeds and with perturbations, as the settings say.
+    """The clip, its mirror image, and time-scaled and perturbed variants of both, according to the settings.
 
-    Each piece says its `variant`, whether it is `mirrored`, its `time_scale` and, as `parent`, the name of
-    the clip it was made from: variants of one parent share a weight later. A perturbed one says the strength of each
-    kind too. A perturbation that the robot can't follow, or that changes nothing, is a reason and no piece.
+    The numbers of a piece have its `variant`, `mirrored`, `time_scale`, `parent` (the original clip; variants of one
+    parent share a weight later) and the strength of each perturbation. A perturbation that is infeasible or has no
+    effect gives a reason instead of a piece.
     """
     originals = [_piece(clip, numbers, clip.name, mirrored=False, scale=1.0)]
     if settings.mirror:
@@ -124,7 +124,7 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, rob
 def _scaled(piece: Piece, faster: RobotClip, scale: float, parent: str, robot: Robot) -> Piece:
     """The piece at another speed.
 
-    `faster` is the clip that is not mirrored, at that speed; it is mirrored here for a mirrored piece. Splines
+    `faster` is not mirrored; it is mirrored here for a mirrored piece. Splines
     overshoot where a joint rests at its limit, so joint positions are clipped to the limits, or to the range of the
     piece where that is wider.
 

@@ -1,4 +1,4 @@
-"""A stage over many clips: what is known already is taken from the memo, the rest runs in parallel processes."""
+"""Run a stage over many clips: known results come from the memo, the others are computed in parallel processes."""
 
 from pipeline.batch.manifest import Manifest
 from pipeline.batch.pool import ClipPool

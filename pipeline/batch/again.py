@@ -1,7 +1,7 @@
-"""Clips that a run works on again although their answers are known: a person asked for it.
+"""Clips that a run recomputes on request although their results are cached.
 
-The names are in a JSON file, whose path the environment of the run holds; so the wish ends with the run, and an answer
-is replaced only when its successor is there.
+The names are in a JSON file whose path is in an environment variable of the run, so the request ends with the run. A
+cached result is replaced only when the new one exists.
 """
 
 import json
@@ -16,12 +16,12 @@ from pipeline.batch.shard import source_of
 from pipeline.errors import FileError
 
 AGAIN_VARIABLE = "BOOSTER_LAB_AGAIN"
-"""Path of a JSON file: a list of the clips that each stage works on again; `name/` stands for all of a source."""
+"""Path of a JSON file: a list of clips that each stage recomputes; `name/` means all clips of a source."""
 
 
 @dataclass(frozen=True)
 class ClipsAgain:
-    """The clips that a run works on again, each by its name or by that of its source."""
+    """Set of clips that a run recomputes, by clip or source name."""
 
     names: frozenset[str] = frozenset()
 
@@ -33,7 +33,7 @@ class ClipsAgain:
 
 
 def clips_again() -> ClipsAgain:
-    """The clips that this run works on again. Raises FileError for a file that is not such a list."""
+    """Clips that this run recomputes. Raises FileError if the file is not such a list."""
     named = os.environ.get(AGAIN_VARIABLE, "")
     if not named:
         return ClipsAgain()
@@ -48,7 +48,7 @@ def clips_again() -> ClipsAgain:
 
 @contextmanager
 def working_again_on(names: Sequence[str]) -> Iterator[None]:
-    """While the context lasts, stages of this process work again on the named clips and sources (`name/`)."""
+    """Context in which stages of this process recompute the named clips and sources (`name/`)."""
     before = os.environ.get(AGAIN_VARIABLE)
     with tempfile.TemporaryDirectory(prefix="booster_lab_again_") as folder:
         listed = Path(folder) / "clips.json"

@@ -1,7 +1,7 @@
-"""Work on clips in a worker process: each one's outcome as an answer of JSON types, its clips stored.
+"""Process clips in a worker process: each outcome becomes an answer of JSON types, its clips are stored.
 
-An error of one clip is its answer, and the others go on. One that is not the clip's own is `failed`: the memo does not
-keep it, and the next run tries again.
+An error of one clip is its answer and does not affect the others. An error that is not caused by the clip is marked as
+`failed`: it is not cached, and the next run tries again.
 """
 
 import dataclasses
@@ -22,7 +22,8 @@ from pipeline.files.blob_store import StoreError
 def work_on_clips(
     function: Callable[..., Outcome], prepare: Callable[..., Any] | None, store: Store, entries: list[Entry]
 ) -> list[dict[str, Any]]:
-    """Answers for clips of one motion, prepared when the first needs it; where that fails, each fails by itself."""
+    """Answers for clips of one motion. They share `prepare`, which runs at the first use; if it fails, each clip
+    fails."""
     prepared: list[Any] = []
 
     def work(clip: Clip, numbers: dict[str, Any]) -> Outcome:
@@ -43,7 +44,7 @@ def work_on_clips(
 def work_on_files(
     function: Callable[..., Outcome], store: Store, files: list[tuple[str, Path, tuple]]
 ) -> list[dict[str, Any]]:
-    """Answers for files; one that this process does not see is a failure, which the next run tries again."""
+    """Answers for files; a file that is not visible to this process is a failure that the next run retries."""
     answers = []
     for name, path, arguments in files:
         if path.exists():
@@ -55,8 +56,8 @@ def work_on_files(
 
 
 class _Motions:
-    """The motions that a call works on: one that several windows share is read once, and one that a stage passes on as
-    it is, or in several pieces, is encoded and checked once."""
+    """Cache of a call's motions: a motion shared by several windows is read once, and a motion that a stage returns
+    unchanged or in several pieces is encoded and checked once."""
 
     def __init__(self, store: Store):
         self._store = store
@@ -64,14 +65,14 @@ class _Motions:
         self._faults: dict[str, list[str]] = {}
 
     def get(self, blob: str, name: str) -> Clip:
-        """The clip of a blob under a name; motions of other blobs are let go."""
+        """The clip of a blob with a name; motions of other blobs are dropped from memory."""
         self._known = [known for known in self._known if known[1] == blob]
         if not self._known:
             self._known = [(self._store.get_clip(blob, name), blob)]
         return dataclasses.replace(self._known[0][0], name=name)
 
     def put(self, clip: Clip) -> tuple[str, list[str]]:
-        """Store a clip's motion; its blob, and the faults of its frames."""
+        """Store a clip's motion; return its blob and the faults of its frames."""
         blob = next((blob for known, blob in self._known if _same_arrays(clip, known)), None)
         if blob is None:
             blob = self._store.put_clip(clip)
@@ -82,7 +83,7 @@ class _Motions:
 
 
 def _same_arrays(one: Clip, other: Clip) -> bool:
-    """Whether two clips, but for their names, hold the same objects in memory; equal copies do not count."""
+    """Whether two clips have the same arrays in memory (identity, not equality), apart from their names."""
     return type(one) is type(other) and all(
         value is getattr(other, field) for field, value in vars(one).items() if field != "name"
     )
@@ -91,25 +92,24 @@ def _same_arrays(one: Clip, other: Clip) -> bool:
 def _answer(
     work: Callable[[], Outcome], motions: _Motions, name: str, seconds_in: float | None, known: Numbers
 ) -> dict[str, Any]:
-    """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection.
+    """The outcome as JSON types, with its clips stored. An error of a clip becomes its rejection.
 
-    Of a piece's numbers it holds those that the stage added or changed; readers merge them with the `known` ones of
-    the clip.
+    Only the numbers that the stage added or changed are included; readers merge them with the clip's `known` numbers.
     """
     try:
         outcome = work()
-    except StoreError as error:  # another blob that the work reads, such as a reference
+    except StoreError as error:  # from another blob that the stage reads, such as a reference
         return rejection("failed", f"clip '{name}': {error}", seconds_in, failed=True)
     except (ClipError, FileError) as error:
         code = error.code if isinstance(error, ClipError) else "unreadable"
         return rejection(code, str(error), seconds_in)
-    except Exception as error:  # a fault of ours must not stop the other clips; it is tried again in the next run
+    except Exception as error:  # a bug must not stop the other clips; the next run retries
         return _fault(error, name, seconds_in)
     try:
         stored = [motions.put(piece.clip) for piece in outcome.pieces]
-    except FileError:  # the store's own, such as a full disk: it stops the run
+    except FileError:  # of the store, such as a full disk: stops the run
         raise
-    except Exception as error:  # a clip that cannot be encoded, which is a fault of ours too
+    except Exception as error:  # a clip that cannot be encoded, which is also a bug
         return _fault(error, name, seconds_in)
     pieces = [
         {"clip": piece.clip.name, "blob": blob, "numbers": _plain(_new(piece.numbers, known))}
@@ -138,18 +138,18 @@ def _new(numbers: Numbers, known: Numbers) -> Numbers:
 
 
 def _seconds(piece: Piece) -> float:
-    """Length of a piece [s]; a window of a whole clip says its own."""
+    """Length of a piece [s]; a window of a whole clip states its own."""
     return float(piece.numbers.get("seconds") or piece.clip.duration_s)
 
 
 def _fault(error: Exception, name: str, seconds_in: float | None) -> dict[str, Any]:
-    """The answer about a clip that the stage did not get through."""
+    """The answer for a clip on which the stage raised an error."""
     text = f"clip '{name}': the stage failed with {type(error).__name__}: {error}"
     return rejection("failed", text, seconds_in, failed=True)
 
 
 def rejection(code: str, text: str, seconds_in: float | None, failed: bool = False) -> dict[str, Any]:
-    """The answer about a clip that does not go on; where the stage `failed`, it is asked again in the next run."""
+    """The answer for a rejected clip; with `failed`, the next run retries."""
     reason = {"code": code, "text": text, "effect": "rejected"}
     numbers = {"seconds_in": seconds_in or 0.0, "seconds_out": 0.0}
     return {"failed": failed, "pieces": [], "unsound": [], "reasons": [reason], "numbers": numbers}

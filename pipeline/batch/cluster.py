@@ -1,9 +1,9 @@
-"""Clips spread over the workers of a Dask cluster: one at an address, or worker processes on this machine.
+"""Distribute clips over a Dask cluster: an existing one at an address, or worker processes on this machine.
 
-A task is several calls, as each task costs the scheduler some milliseconds; towards the end tasks are single calls, so
-that workers finish together. Tasks of a worker that dies go to the others; the calls of a task that several workers
-died of are tried one by one. Results are gathered as they come and passed on in order; few tasks are at the scheduler
-at a time, so its memory does not grow with the number of clips.
+A task contains several calls, since each task costs the scheduler some milliseconds; towards the end tasks are single
+calls, so that workers finish together. Tasks of a worker that dies are moved to others; the calls of a task that killed
+several workers are tried one by one. Results are collected as they arrive and returned in order. Few tasks are
+submitted at a time, so the scheduler's memory does not grow with the number of clips.
 """
 
 import atexit
@@ -22,15 +22,15 @@ from pipeline.batch.code_version import LIBRARIES, PACKAGE, installed
 from pipeline.errors import PipelineError
 
 TASKS_PER_WORKER = 4
-"""Tasks at the scheduler at a time, for each worker."""
+"""Submitted tasks per worker."""
 MOST_A_TASK = 8
-"""Calls of a task."""
+"""Most calls per task."""
 CONNECT_S = 20.0
-"""How long a scheduler, and then its first worker, may take to answer [s]."""
+"""Timeout for the scheduler, and then for its first worker [s]."""
 
 
 class ClusterError(PipelineError):
-    """A Dask cluster that can't be used. `problem` says what to do."""
+    """Raised for a Dask cluster that can't be used; `problem` includes the remedy."""
 
     def __init__(self, problem: str):
         super().__init__(f"clip_pool (backend dask): {problem}")
@@ -43,7 +43,7 @@ class Cluster:
     client: Any
     """`distributed.Client`."""
     code: Mapping[str, Any]
-    """What `shipped_code` defines, sent by value."""
+    """Definitions of `shipped_code`, sent by value."""
     digest: str
     """Digest of the code that workers run."""
 
@@ -52,7 +52,7 @@ class Cluster:
         return len(self.client.scheduler_info(n_workers=-1)["workers"])
 
     def text(self) -> str:
-        """Where it is, and the link to Dask's dashboard."""
+        """Address of the cluster, and the link to Dask's dashboard."""
         return (
             f"dask: {self.workers} workers, scheduler {self.client.scheduler.address}, "
             f"dashboard {self.client.dashboard_link}"
@@ -93,7 +93,7 @@ class Cluster:
 
 
 class _Tasks:
-    """Calls at the scheduler, several to a task."""
+    """Calls submitted to the scheduler, several per task."""
 
     def __init__(self, client: Any, work: Any, calls: Sequence[tuple]):
         import distributed
@@ -104,14 +104,14 @@ class _Tasks:
         self._begun = 0
 
     def submit_up_to(self, most: int) -> None:
-        """Submit the next calls until `most` tasks are at the scheduler; the fewer are left, the fewer are a task."""
+        """Submit the next calls until `most` tasks are pending; tasks get smaller as fewer calls are left."""
         while len(self._indices) < most and self._begun < len(self._calls):
             count = min(max((len(self._calls) - self._begun) // most, 1), MOST_A_TASK)
             self._submit(range(self._begun, self._begun + count))
             self._begun += count
 
     def submit_each(self, indices: range) -> None:
-        """Submit calls as tasks of their own."""
+        """Submit each call as a separate task."""
         for index in indices:
             self._submit(range(index, index + 1))
 
@@ -125,9 +125,9 @@ class _Tasks:
         self._futures.add(future)
 
     def next_done(self) -> tuple[range, list[Any] | str]:
-        """Indices of the calls of a finished task, and what they returned or a sentence that says that they are lost.
+        """Indices of the calls of a finished task, and their results or a sentence that they are lost.
 
-        Raises ClusterError for a worker that can't work for this run, and what a call raised.
+        Raises ClusterError for a worker that can't be used for this run, and the error of a call.
         """
         from distributed import KilledWorker
 
@@ -143,7 +143,7 @@ class _Tasks:
         return indices, results
 
     def cancel(self) -> None:
-        """Withdraw what is not finished."""
+        """Cancel unfinished tasks."""
         self._client.cancel(list(self._indices), force=True)
 
 
@@ -151,7 +151,7 @@ class _Tasks:
 def connected(address: str, workers: int) -> Cluster:
     """The cluster at an address, or one of `workers` processes on this machine; kept until this process ends.
 
-    Raises ClusterError where Dask is not installed, nothing answers, or a worker can't be as this process is.
+    Raises ClusterError if Dask is not installed, nothing answers, or a worker can't run this process's code.
     """
     try:
         import distributed
@@ -180,7 +180,7 @@ def connected(address: str, workers: int) -> Cluster:
 
 
 def _local_cluster(workers: int) -> Any:
-    """Worker processes on this machine that nothing outside of it reaches."""
+    """Worker processes on this machine, reachable only from it."""
     import distributed
 
     return distributed.LocalCluster(
@@ -193,12 +193,12 @@ def _local_cluster(workers: int) -> Any:
 
 
 _OPEN: list[tuple[Any, Any]] = []
-"""Clients of this process, each with its cluster where that is on this machine."""
+"""Clients of this process, each with its cluster if that is on this machine."""
 
 
 @atexit.register
 def disconnect() -> None:
-    """Leave all clusters and end those of this process; what Dask logs of threads that have ended is of no interest."""
+    """Disconnect from all clusters and close those of this process, without Dask's logs about ended threads."""
     if _OPEN:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
     while _OPEN:
@@ -211,7 +211,7 @@ def disconnect() -> None:
 
 @contextlib.contextmanager
 def _probes(folders: Sequence[Path]) -> Iterator[tuple[str, ...]]:
-    """A file in each folder while the context lasts: a worker that does not see it has another folder there."""
+    """Context with a probe file in each folder: a worker that does not see it has another folder at that path."""
     probes = tuple(folder / f".shared.{uuid.uuid4().hex}" for folder in folders)
     try:
         for probe in probes:

@@ -1,7 +1,6 @@
-"""The code version of a stage: a digest of the sources and libraries its answers depend on.
+"""The code version of a stage: a digest of the sources and libraries that its answers depend on.
 
-A number raised by hand is forgotten sooner or later; the sources are not. The price is that a
-changed comment recomputes a stage.
+Unlike a manually incremented number it can't be forgotten. The price is that a changed comment recomputes a stage.
 """
 
 import functools
@@ -13,7 +12,7 @@ from pipeline.files import digest
 PACKAGE = Path(__file__).resolve().parent.parent
 BELOW_ALL_STAGES = ("batch", "clips", "files", "quality", "robot", "simulation")
 LIBRARIES = ("numpy", "scipy", "mujoco", "pin", "placo", "pyarrow", "pandas")
-"""Of every stage."""
+"""Libraries of all stages."""
 OWN_LIBRARIES = {
     "dart": ("dartpy",),
     "expert": ("torch",),
@@ -24,12 +23,12 @@ OWN_LIBRARIES = {
     "tracking": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),
     "training": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),
 }
-"""By package: those of the stages alone that name it. Another version of them leaves all other answers as they are."""
+"""Package -> further libraries; a new version of these recomputes only the stages that use the package."""
 
 
 @functools.cache
 def code_version(*packages: str) -> str:
-    """Digest (12 hex digits) of `pipeline/<package>`, of what lies below all stages, and of library versions."""
+    """Digest (12 hex digits) of `pipeline/<package>`, of the packages below all stages, and of library versions."""
     sources = [*_digests("*.py")]
     for name in (*packages, *BELOW_ALL_STAGES):
         sources += _digests(f"{name}/**/*")
@@ -40,14 +39,14 @@ def code_version(*packages: str) -> str:
 
 @functools.cache
 def _digests(pattern: str) -> list[tuple[str, str]]:
-    """Path below the package and digest of each source file that fits a pattern. Once a process: stages share most."""
+    """Relative path and digest of each source file that matches a pattern; cached, since stages share most files."""
     paths = [path for path in PACKAGE.glob(pattern) if path.suffix in {".py", ".yaml"}]
     return [(path.relative_to(PACKAGE).as_posix(), digest.of_file(path)) for path in paths]
 
 
 @functools.cache
 def installed(library: str) -> str:
-    """The version of a library; empty where it is not there. Once a process: finding it takes as long as reading the
+    """The version of a library; empty if it is not installed. Cached, since the lookup takes as long as reading the
     sources of a stage."""
     try:
         return metadata.version(library)

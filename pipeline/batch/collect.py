@@ -1,8 +1,8 @@
-"""What of the store no run needs any more: old answers, and blobs that only they name.
+"""Garbage collection of the store: old answers, and blobs that only these reference.
 
-Kept are all shards that a manifest names with their blobs, and the answers that the last few runs of each stage asked
-for, with their shards and blobs. Databases and their earlier versions are folders of their own and name no blob; the
-curator's decisions name clips of the manifests. Whatever is removed is made again when it is wanted.
+All shards referenced by a manifest are kept, with their blobs, and the answers used by the last few runs of each stage,
+with their shards and blobs. Databases and their history are separate folders without references to blobs; the curator's
+decisions refer to clips of the manifests. Everything that is removed can be recomputed.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ _DIGEST = re.compile(rb"\b[0-9a-f]{64}\b")
 
 
 class StoreInUseError(PipelineError):
-    """A run works on the store."""
+    """Raised while a run uses the store."""
 
     def __init__(self, root: Path, holder: str):
         super().__init__(f"{root}: {holder or 'a run'} is working on the store; try again when it has finished.")
@@ -39,18 +39,19 @@ class Part:
     size: int
     """[bytes]"""
     old: tuple[Path, ...] | tuple[str, ...]
-    """Those that no run needs; of a URL their names."""
+    """Files that no run needs; at a URL their names."""
     old_size: int
-    """[bytes]"""
+    """Total size of these files [bytes]."""
 
 
 def collect(store: Store, keep: int, *, delete: bool) -> tuple[Part, ...]:
-    """Find, and on demand delete, what no run needs; each kind of file with its size.
+    """Find, and with `delete` remove, files that no run needs; return each kind of file with its size.
 
     Raises StoreInUseError while a run works on the store, FileError for a file that can't be deleted.
 
     Args:
-        keep: of each stage, the answers that its last `keep` runs asked for are kept
+        store: the store
+        keep: number of last runs of each stage whose answers are kept
         delete: delete the old files; otherwise nothing is changed
     """
     with alone(store.root, "booster-lab store gc"):
@@ -78,7 +79,7 @@ def collect(store: Store, keep: int, *, delete: bool) -> tuple[Part, ...]:
 def _answers(store: Store, keep: int) -> tuple[list[tuple[Path, bool]], set[bytes]]:
     """Each file of the memo and whether it is kept, and the shards and blobs that kept answers name.
 
-    An answer about a shard is asked for in place of those about its clips, which are kept with it.
+    An answer about a shard replaces requests for those about its clips, which are kept with it.
     """
     since = {stage: times[-keep] for stage, times in store.askings().items() if len(times) >= keep}
     found: dict[Path, bool] = {}
@@ -95,7 +96,7 @@ def _answers(store: Store, keep: int) -> tuple[list[tuple[Path, bool]], set[byte
 
 
 def _answer(path: Path) -> dict[str, Any] | None:
-    """The answer in a file of the memo; None where it is torn or the half of one."""
+    """The answer in a file of the memo; None if it is incomplete."""
     try:
         answer = json.loads(path.read_bytes()) if path.suffix == ".json" else None
     except (ValueError, RecursionError):
@@ -104,7 +105,7 @@ def _answer(path: Path) -> dict[str, Any] | None:
 
 
 def _blobs_of(store: Store, shard: str) -> set[bytes]:
-    """The blobs that a shard of clips names; of findings, and where it is damaged, none."""
+    """Blobs referenced by a shard of clips; none for findings or a damaged shard."""
     try:
         blobs = Shard(Entry, shard, 0, store.shards).columns(["blob"]).get("blob", ())
     except FileError:
@@ -152,9 +153,9 @@ def _remove(path: Path | str, remote: RemoteBlobs | None) -> None:
 
 @contextlib.contextmanager
 def alone(root: Path, holder: str) -> Iterator[None]:
-    """The lock that runs hold on the store, for as long as the context lasts; `holder` is who is waited for then.
+    """Context that holds the store's lock; `holder` describes the lock holder in messages of waiting runs.
 
-    Raises StoreInUseError while a run works on the store, FileError where the lock can't be written.
+    Raises StoreInUseError while a run uses the store, FileError if the lock can't be written.
     """
     if not root.is_dir():
         raise FileError(root, "there is no store here.", "A run makes it: dagster asset materialize --select expert_db")

@@ -1,6 +1,6 @@
-"""The value of a stage: which clips are kept, the findings on each input clip, with which settings.
+"""The result of a stage: kept clips, findings on each input clip, and settings.
 
-Stored it is a JSON file that names the shards of its rows (`pipeline.batch.shard`).
+It is stored as a JSON file that references the shards of its rows (`pipeline.batch.shard`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pipeline.files.blob_store import BlobStore
 
 SCHEMA = "booster-lab manifest 2"
 SCHEMA_OF_ROWS = "booster-lab manifest 1"
-"""Manifests of earlier versions, which hold their rows as JSON."""
+"""Schema of manifests of earlier versions, which contain their rows as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,9 +37,9 @@ class Manifest:
     settings: dict[str, Any] = field(default_factory=dict)
     """Digest of the settings of each stage so far -> the settings themselves."""
     recomputed: int = 0
-    """Clips that were worked on in this run and not found in the memo. Not part of the content."""
+    """Number of clips that were computed in this run, not found in the memo. Not part of the content."""
     unsound: tuple[tuple[str, str], ...] = ()
-    """Clip and fault of its frames, as found when it was made (`pipeline.clips.codec`). Not part of the content."""
+    """Clips and faults of their frames, found when they were made (`pipeline.clips.codec`). Not part of the content."""
 
     @cached_property
     def entry_shards(self) -> tuple[Shard[Entry], ...]:
@@ -52,7 +52,7 @@ class Manifest:
         return self.judged.shards if isinstance(self.judged, Rows) else shards_of(Judged, self.judged)
 
     def to_text(self) -> str:
-        """JSON text that names the shards; equal content gives equal text, whatever was recomputed."""
+        """JSON text that references the shards; equal content gives equal text, whatever was recomputed."""
         head = {"schema": SCHEMA, "stage": self.stage, "settings": self.settings}
         lines = [f"{json.dumps(name)}: {_json(value)}" for name, value in head.items()]
         for name, shards in (("entries", self.entry_shards), ("judged", self.judged_shards)):
@@ -62,12 +62,13 @@ class Manifest:
 
     @staticmethod
     def from_text(text: str, shards: BlobStore) -> Manifest:
-        """The manifest that `to_text` was called on, or one of an earlier version, whose rows are in its text.
+        """Inverse of `to_text`; also reads manifests of earlier versions, whose rows are in the text.
 
         Raises ValueError for another schema.
 
         Args:
-            shards: where the shards are that the text names; they are read when their rows are wanted
+            text: content of the manifest's file
+            shards: store of the referenced shards, which are read on demand
         """
         value = json.loads(text)
         schema = value.pop("schema", None)
@@ -78,7 +79,7 @@ class Manifest:
                 for row in value.pop("judged")
             )
             manifest = Manifest(entries=entries, judged=judged, **value)
-            vars(manifest)["digest"] = digest.of_bytes(text.encode())  # of the file, as its readers noted it
+            vars(manifest)["digest"] = digest.of_bytes(text.encode())  # digest of the file, which readers recorded
             return manifest
         if schema != SCHEMA:
             raise ValueError(f"not a manifest of schema {SCHEMA!r}")
@@ -92,7 +93,7 @@ class Manifest:
         return digest.of_bytes(self.to_text().encode())
 
     def without(self, dropped: Mapping[str, dict[str, Any]]) -> Manifest:
-        """The same without some of its clips, each dropped for a reason; their input clips say so.
+        """A copy without some clips; the reasons are added to the findings on their input clips.
 
         Args:
             dropped: name of the clip -> reason, as `Reason.to_dict()` gives it
@@ -116,21 +117,21 @@ class Manifest:
         return dataclasses.replace(self, entries=Rows(kept), judged=Rows(judged))
 
     def at_hand(self) -> Manifest:
-        """The same with all of its rows in memory, for who looks them up again and again."""
+        """A copy with all rows in memory, for repeated lookups."""
         return dataclasses.replace(self, entries=tuple(self.entries), judged=tuple(self.judged))
 
     def with_numbers(self, numbers: Mapping[str, dict[str, Any]]) -> Manifest:
-        """The same with further numbers for some of its clips, by name."""
+        """A copy with further numbers for some of its clips, by name."""
         return dataclasses.replace(self, entries=Rows([shard.with_numbers(numbers) for shard in self.entry_shards]))
 
     def entry_table(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """One row a clip that is kept: `clip` and its numbers, all or the named ones that are there."""
+        """One row per kept clip: `clip` and its numbers, all or the named ones that exist."""
         return _frame(self.entry_shards, columns, hidden=("blob", "record"))
 
     def judged_table(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """One row an input clip: `clip, fate, seconds_in, seconds_out, reasons` and its numbers, all or named ones."""
-        wanted = None if columns is None else ["clip", "seconds_in", "seconds_out", "pieces", "reasons", *columns]
-        table = _frame(self.judged_shards, wanted, hidden=())
+        """One row per input clip: `clip, fate, seconds_in, seconds_out, reasons` and its numbers, all or named ones."""
+        names = None if columns is None else ["clip", "seconds_in", "seconds_out", "pieces", "reasons", *columns]
+        table = _frame(self.judged_shards, names, hidden=())
         if table.empty:
             return pd.DataFrame(columns=["clip", "fate", "seconds_in", "seconds_out", "reasons"])
         reasons, pieces = table.pop("reasons"), table.pop("pieces")
@@ -138,7 +139,7 @@ class Manifest:
         return table.assign(reasons=["; ".join(reason["text"] for reason in each) for each in reasons])
 
     def fates(self) -> Counter[str]:
-        """How many input clips have each fate (`Judged.fate`)."""
+        """Number of input clips by fate (`Judged.fate`)."""
         return Counter(fate_of(*each) for each in self.findings("pieces", "reasons"))
 
     def seconds(self, which: str) -> float:
@@ -146,15 +147,15 @@ class Manifest:
         return float(sum(0.0 if value is MISSING else value or 0.0 for (value,) in self.findings(which)))
 
     def reason_counts(self, effect: str) -> Counter[str]:
-        """How often each reason code stands with an effect (`rejected`, `repaired`, `noted`)."""
+        """Number of occurrences of each reason code with an effect (`rejected`, `repaired`, `noted`)."""
         return Counter(r["code"] for (reasons,) in self.findings("reasons") for r in reasons if r["effect"] == effect)
 
     def findings(self, *names: str) -> Iterator[tuple[Any, ...]]:
-        """The values of the named columns of the findings, a tuple a row; `MISSING` where a row has none."""
+        """Values of the named columns of the findings, one tuple per row; `MISSING` for missing values."""
         return _cells(self.judged_shards, names)
 
     def kept(self, *names: str) -> Iterator[tuple[Any, ...]]:
-        """The values of the named columns of the clips that are kept, as `findings` has those of the findings."""
+        """Values of the named columns of the kept clips, one tuple per row; `MISSING` for missing values."""
         return _cells(self.entry_shards, names)
 
 
@@ -165,7 +166,7 @@ def _cells(shards: Sequence[Shard[Row]], names: Sequence[str]) -> Iterator[tuple
 
 
 def _without(row: Judged, dropped: Mapping[str, dict[str, Any]], gone_s: Mapping[str, float]) -> Judged:
-    """The findings on a clip of which some pieces were dropped, of `gone_s` [s] each."""
+    """The findings on a clip without its dropped pieces, whose durations are in `gone_s` [s]."""
     gone = [name for name in row.pieces if name in gone_s]
     if not gone:
         return row
@@ -179,7 +180,7 @@ def _without(row: Judged, dropped: Mapping[str, dict[str, Any]], gone_s: Mapping
 
 
 def _frame(shards: Sequence[Shard[Row]], columns: Sequence[str] | None, hidden: Sequence[str]) -> pd.DataFrame:
-    """The rows of shards as a table, with a cell that is not a number where a row lacks one."""
+    """The rows of shards as a table, with NaN for missing values."""
     cells: dict[str, list[Any]] = {"clip": []}
     count = 0
     for shard in shards:

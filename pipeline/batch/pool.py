@@ -19,7 +19,7 @@ import joblib
 from pipeline.errors import PipelineError, UnknownNameError
 
 WATCH_EVERY_S = 1.0
-"""How often a worker process looks whether its parent is there."""
+"""Interval at which a worker process checks that its parent exists [s]."""
 
 
 LOKY, SEQUENTIAL, DASK = "loky", "sequential", "dask"
@@ -28,16 +28,16 @@ BACKENDS = (LOKY, SEQUENTIAL, DASK)
 
 @dataclass(frozen=True, kw_only=True)
 class ClipPool:
-    """How clips are spread over processes. Raises UnknownNameError for a backend that is none."""
+    """Distribution of clips over processes. Raises UnknownNameError for an unknown backend."""
 
     backend: str = LOKY
     """`loky`: processes on this machine; `sequential`: this process; `dask`: workers of a Dask cluster."""
     workers: int = 0
-    """Number of processes; 0 means one for each core that this process may use, as its affinity and its container's
-    share have it. The cluster at an address has its own number."""
+    """Number of processes; 0: one per core available to this process by affinity and container limits. A cluster at an
+    address has its own number."""
     address: str = ""
-    """Of `dask`: the scheduler's, such as `tcp://10.0.0.5:8786`; empty for a cluster of this process's own, of
-    `workers` processes on this machine."""
+    """For `dask`: address of the scheduler, such as `tcp://10.0.0.5:8786`; empty for a local cluster of `workers`
+    processes."""
 
     def __post_init__(self) -> None:
         if self.backend not in BACKENDS:
@@ -46,13 +46,13 @@ class ClipPool:
             raise PipelineError(f"clip_pool: the address {self.address} is one of a Dask cluster; set backend to dask.")
 
     def on_this_machine(self) -> ClipPool:
-        """The pool, or processes of this machine in place of a cluster."""
+        """This pool, or a pool of processes on this machine instead of a cluster."""
         if self.backend != DASK:
             return self
         return dataclasses.replace(self, backend=LOKY, workers=0 if self.address else self.workers, address="")
 
     def where(self) -> str:
-        """Where a cluster is and the link to its dashboard; empty where calls run on this machine without one."""
+        """Address of the cluster and link to its dashboard; empty without a cluster."""
         return self._cluster().text() if self.backend == DASK else ""
 
     def map(
@@ -63,15 +63,17 @@ class ClipPool:
         shared: Sequence[Path] = (),
         on_lost: Callable[[str], Any] | None = None,
     ) -> Iterator[Any]:
-        """Results of `function(*call)` for each call, in order, as they come.
+        """Yield `function(*call)` for each call, in order.
 
-        A single call, or a pool of one worker, runs in this process. Processes on this machine begin at once and end
-        with this one, however it ends. Of a cluster, the calls of a worker that dies go to other workers.
+        A single call, or a pool of one worker, runs in this process. Processes on this machine start immediately and
+        end with this one, however it ends. On a cluster, calls of a worker that dies are moved to others.
 
         Args:
+            function: picklable function
+            calls: arguments of each call
             shared: folders that calls read and write, which a cluster's workers must see under the same path
-            on_lost: result of a call that each of several workers of a cluster died of, made of a sentence that says
-                so; without it ClusterError is raised
+            on_lost: makes the result of a call that killed several workers, from a sentence on it; None: ClusterError
+                is raised
         """
         workers = self.workers or joblib.cpu_count()
         if self.backend == DASK and calls:
@@ -90,7 +92,7 @@ class ClipPool:
 
 
 def _ending_with(parent: int, function: bytes, *call: Any) -> Any:
-    """What a pickled function makes of `call`, in a worker process that ends when its parent does."""
+    """Apply a pickled function to `call` in a worker process that ends with its parent."""
     if not _WATCHED and os.getppid() == parent:
         _WATCHED.append(parent)
         threading.Thread(target=_watch, args=(parent,), daemon=True).start()
@@ -99,17 +101,17 @@ def _ending_with(parent: int, function: bytes, *call: Any) -> Any:
 
 @functools.lru_cache(maxsize=1)
 def _unpickled(function: bytes) -> Callable[..., Any]:
-    """The function, and with it what it holds (a robot), the same for one call after the other. Its bytes are
-    those that the parent made: nothing is unpickled that came from a file."""
+    """Unpickle the function with its data (a robot), cached across calls. The bytes come from the parent process, never
+    from a file."""
     return cloudpickle.loads(function)
 
 
 _WATCHED: list[int] = []
-"""The parent that this process is watching, once it does."""
+"""Process id of the watched parent, once the watch has started."""
 
 
 def _watch(parent: int) -> None:
-    """End this process when its parent has ended: a killed parent tells its workers nothing."""
+    """End this process when its parent has ended, since a killed parent does not notify its workers."""
     while os.getppid() == parent:
         time.sleep(WATCH_EVERY_S)
     os._exit(1)

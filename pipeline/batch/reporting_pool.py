@@ -1,4 +1,4 @@
-"""A pool of processes that reports on stderr how far its work is, for commands that take longer than a moment."""
+"""A pool of processes with a progress report on stderr, for long commands."""
 
 import sys
 import time
@@ -9,18 +9,18 @@ from typing import Any
 from pipeline.batch import ClipPool
 
 EVERY_S = 2.0
-"""Shortest time between two lines."""
+"""Shortest time between two lines [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportingPool(ClipPool):
-    """A `ClipPool` that prints how many of its calls are done and about how long the rest takes."""
+    """A `ClipPool` that prints the number of finished calls and the estimated remaining time."""
 
     what: str
-    """What the calls are, as `parts of the trials`."""
+    """Description of the calls, such as `parts of the trials`."""
 
     def map(self, function: Callable[..., Any], calls: Sequence[tuple], **options: Any) -> Iterator[Any]:
-        """Results in order, as they come, with a line about every `EVERY_S`."""
+        """Yield results in order, with a progress line about every `EVERY_S`."""
         started = last = time.monotonic()
         print(f"{self.what}: 0 of {len(calls)}", file=sys.stderr, flush=True)
         for count, result in enumerate(super().map(function, calls, **options), 1):

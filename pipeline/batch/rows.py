@@ -1,4 +1,4 @@
-"""The two kinds of rows of a manifest: clips that are kept, and findings on input clips."""
+"""The two kinds of rows of a manifest: kept clips, and findings on input clips."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A clip at hand of the next stage."""
+    """A kept clip, the input of the next stage."""
 
     clip: str
     """Unique name."""
@@ -16,7 +16,7 @@ class Entry:
     numbers: dict[str, Any]
     """Numbers of all stages so far; later ones override."""
     record: tuple[dict[str, Any], ...] = ()
-    """What each stage did, in order: `{stage, version, settings (a digest), reasons}`."""
+    """Record of each stage in order: `{stage, version, settings (a digest), reasons}`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class Judged:
 
     clip: str
     pieces: tuple[str, ...]
-    """Names of the clips that were kept of it."""
+    """Names of the kept clips made from it."""
     reasons: tuple[dict[str, Any], ...]
     numbers: dict[str, Any]
     """The input's own numbers, with `seconds_in` and `seconds_out` [s]."""
@@ -40,7 +40,7 @@ Row = TypeVar("Row", Entry, Judged)
 
 
 def fate_of(pieces: Sequence[str], reasons: Sequence[dict[str, Any]]) -> str:
-    """Fate of an input clip of which these pieces were kept, for these reasons."""
+    """Fate of an input clip with these kept pieces and reasons."""
     if not pieces:
         return "rejected"
     lost = any(reason["effect"] == "rejected" for reason in reasons)

@@ -1,8 +1,8 @@
-"""Run a stage over clips: ask the memo, work on the rest in parallel, gather a manifest.
+"""Run a stage over clips: look up the memo, compute the rest in parallel, assemble a manifest.
 
-The memo's key is everything an answer depends on: stage code, settings, robot, the clip's bytes and
-the numbers of earlier stages. So the same question is never worked on twice, in any run. The answers about all clips
-of an unchanged shard are recalled together: one more clip costs what its own shard costs, of however many there are.
+The memo's key contains everything an answer depends on: stage code, settings, robot, the clip's bytes and the numbers
+of earlier stages. So no result is computed twice, in any run. The answers about all clips of an unchanged shard are
+looked up together: an added clip costs only the lookup of its own shard, however many shards there are.
 """
 
 import logging
@@ -28,18 +28,18 @@ PROGRESS_EVERY_S = 5.0
 
 
 AT_A_TIME = 2048
-"""Clips to work on that are at hand at a time: a pool gets them together, so that its processes stay at work."""
+"""Clips per batch given to a pool, large enough to keep its processes busy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """The questions about one shard of the input, whose answers are recalled together while none of them changes."""
+    """The questions about one input shard; their answers are looked up together if all are unchanged."""
 
     key: str
-    """Memo key of all answers together."""
+    """Memo key of the combined answers."""
     count: int
     clips: Callable[[], Sequence[str]]
-    """Names of what is asked about."""
+    """Names of the clips."""
     jobs: Callable[[Sequence[str]], list[Job]]
     """Makes the jobs, sorted by clip name. Pass their memo keys if known: computing these takes most of the time."""
 
@@ -47,7 +47,7 @@ class _Part:
 def run_stage(
     stage: Stage, previous: Manifest, store: Store, pool: ClipPool, log: logging.Logger, entries: Sequence[Entry] = ()
 ) -> Manifest:
-    """The stage on all clips that `previous` hands on (or on `entries` of it), by their names within each shard."""
+    """Run the stage on all kept clips of `previous` (or on `entries` of it), sorted by name within each shard."""
 
     def key_of(entry: Entry) -> str:
         return stage.key(entry.clip, entry.blob, entry.numbers)
@@ -90,7 +90,7 @@ def run_files(
     pool: ClipPool,
     log: logging.Logger,
 ) -> Manifest:
-    """The stage on files: each `(name, path, digest of all that it is read from, further arguments)`."""
+    """Run the stage on files: `(name, path, digest of everything that is read, further arguments)` each."""
     jobs = [
         Job(
             clip=name,
@@ -123,7 +123,7 @@ def _gather(
     log: logging.Logger,
     settings: dict[str, Any],
 ) -> Manifest:
-    """The manifest of all parts, those worked on by `work` whose answers the memo does not have."""
+    """Assemble the manifest of all parts; parts whose answers are not in the memo are computed by `work`."""
     again = clips_again()
     results = [
         None if any(clip in again for clip in part.clips()) else recalled(part.key, stage, store) for part in parts
@@ -156,7 +156,7 @@ def _gather(
             done += 1
             if not answer["failed"]:
                 store.remember(job.key, answer, stage.asker)
-            if not left[place]:  # meanwhile the pool works on the next part
+            if not left[place]:  # meanwhile the pool computes the next part
                 known, jobs = worked.pop(place), jobs_of.pop(place)
                 answers = {job.key: known.get(job.key) or store.recall(job.key, stage.asker) for job in jobs}
                 results[place] = result_of(stage, parts[place].key, jobs, answers, len(todo[place]), store)
@@ -178,7 +178,7 @@ def _gather(
 
 
 SHARD = "shard"
-"""What a question is about that is one for all clips of a shard."""
+"""Kind of a question about all clips of a shard."""
 
 
 def _all(jobs: list[Job], _: Sequence[str]) -> list[Job]:
@@ -190,7 +190,7 @@ def _clips_of(shard: Shard[Entry]) -> list[str]:
 
 
 def _batches(todo: Mapping[int, set[str]]) -> Iterator[list[int]]:
-    """The places of parts that are worked on, as many at a time as have `AT_A_TIME` clips to work on together."""
+    """Batches of indices of parts to compute, each with about `AT_A_TIME` clips."""
     batch, size = [], 0
     for place, keys in todo.items():
         batch.append(place)
@@ -203,7 +203,7 @@ def _batches(todo: Mapping[int, set[str]]) -> Iterator[list[int]]:
 
 
 def progress(stage: str, done: int, of: int, seconds: float) -> str:
-    """A line about a stage at work: clips done, percent, seconds so far and about how many are left."""
+    """Progress line of a stage: clips done, percent, elapsed and estimated remaining seconds."""
     left_s = seconds / done * (of - done)
     return f"{stage}: {done} of {of} clips ({100 * done // of} %), {seconds:.0f} s, about {left_s:.0f} s left"
 
@@ -211,7 +211,7 @@ def progress(stage: str, done: int, of: int, seconds: float) -> str:
 def _worked_on(
     jobs: list[tuple[int, Job]], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool, store: Store
 ) -> Iterator[tuple[int, Job, dict[str, Any]]]:
-    """Place of the part, job and answer of each job, as they come; a group of jobs is one call."""
+    """Yield index of the part, job and answer of each job; a group of jobs is one call."""
     groups: dict[str, list[tuple[int, Job]]] = {}
     for place, job in jobs:
         groups.setdefault(job.group, []).append((place, job))
@@ -226,7 +226,7 @@ def _worked_on(
 
 @dataclass(frozen=True)
 class _Lost:
-    """A group of jobs that worker processes died of."""
+    """A group of jobs that killed worker processes."""
 
     why: str
 

@@ -1,8 +1,8 @@
 """Rows of a manifest in shards: Parquet tables of about a hundred rows, each named by the digest of its bytes.
 
-Rows are cut where a name says so, so that a clip that is added changes the shard that it comes into and no other one.
-A column is a number of the clips, or one of `clip, blob, record` (of the clips that are kept) and `clip, pieces,
-reasons` (of findings). Numbers come back as they were: int or float, None or missing.
+Shard boundaries are determined by the clips' names, so that an added clip changes only its own shard.
+A column is a number of the clips, or one of `clip, blob, record` (kept clips) and `clip, pieces, reasons`
+(findings). The type of numbers is preserved: int or float, None or missing.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from pipeline.files import digest
 from pipeline.files.blob_store import BlobStore
 
 CUT_EVERY = 128
-"""A shard ends behind a clip whose name has a digest that this number divides: as many rows on average."""
+"""A shard ends after a clip whose name's digest is divisible by this number, the mean number of rows."""
 MOST_ROWS = 1024
-"""Rows of a shard at most."""
+"""Most rows of a shard."""
 
 OWN = {Entry: ("clip", "blob", "record"), Judged: ("clip", "pieces", "reasons")}
-"""Columns that are no numbers, by kind of row."""
+"""Columns that are not numbers, by kind of row."""
 MISSING = object()
 """Value of a number that a row does not have."""
 
 _JSON, _NONE = {b"values": b"json"}, {b"null": b"none"}
-"""Metadata of a column: its values are JSON texts; its nulls are None, where else they are numbers a row lacks."""
+"""Metadata of a column: values are JSON texts; nulls are None (otherwise nulls are missing numbers)."""
 _INT64 = 2**63
 
 
@@ -49,11 +49,11 @@ class Shard(Generic[Row]):
     place: bytes | BlobStore
 
     def data(self) -> bytes:
-        """Bytes of the file. Raises FileError where the store's is missing or damaged."""
+        """Bytes of the file. Raises FileError if it is missing or damaged in the store."""
         return self.place if isinstance(self.place, bytes) else self.place.get(self.digest)
 
     def columns(self, names: Sequence[str] | None = None) -> dict[str, list[Any]]:
-        """Values of the named columns (all without names), those that are there; `MISSING` where a row has none."""
+        """Values of the named columns that exist (None: all columns); `MISSING` for missing values."""
         table = self._table(names)
         return {field.name: _values(table.column(index), field) for index, field in enumerate(table.schema)}
 
@@ -106,7 +106,7 @@ class Shard(Generic[Row]):
 
 
 class NotFiniteError(ValueError):
-    """A number of a row that is not finite."""
+    """Raised for a number of a row that is not finite."""
 
     def __init__(self, name: str, row: int):
         super().__init__(f"the number '{name}' of row {row} is not finite")
@@ -128,7 +128,7 @@ def shard_of(kind: type[Row], rows: Sequence[Row]) -> Shard[Row]:
 
 
 def cut(clips: Sequence[str]) -> Iterator[slice]:
-    """Where names of clips, in order, are cut into shards: of one source each, and where a name says so."""
+    """Slices of sorted clip names that are shards: each within one source, with boundaries determined by the names."""
     start = 0
     for stop, clip in enumerate(clips, 1):
         ends = stop == len(clips) or source_of(clips[stop]) != source_of(clip)
@@ -138,7 +138,7 @@ def cut(clips: Sequence[str]) -> Iterator[slice]:
 
 
 def source_of(clip: str) -> str:
-    """Name of the source that a clip comes from: what its name has before the first `/`."""
+    """Name of a clip's source: the part of its name before the first `/`."""
     source, slash, _ = clip.partition("/")
     return source if slash else ""
 
@@ -149,7 +149,7 @@ def _cuts(clip: str) -> bool:
 
 
 class Rows(Generic[Row]):
-    """The rows of shards one after the other, of which a shard at a time is in memory."""
+    """Sequence of the rows of several shards, with one shard at a time in memory."""
 
     def __init__(self, shards: Sequence[Shard[Row]]):
         self.shards = tuple(shards)
@@ -187,14 +187,14 @@ class Rows(Generic[Row]):
 
 
 def rows_of(shards: Iterable[Shard[Row]], clips: Collection[str]) -> Iterator[Row]:
-    """The rows of the named clips; other shards than theirs are not decoded."""
+    """Rows of the named clips; only their shards are decoded."""
     for shard in shards if clips else ():
         if not set(shard.columns(["clip"])["clip"]).isdisjoint(clips):
             yield from (row for row in shard.rows() if row.clip in clips)
 
 
 def changed(kind: type[Row], rows: Rows[Row] | Sequence[Row], change: Callable[[Row], Row | None]) -> Rows[Row]:
-    """The rows with a change of each, without those that it makes None; shards in which nothing changes are kept."""
+    """Apply `change` to all rows and drop those that become None; shards without changes are reused."""
     found: list[Shard[Row]] = []
     for shard in rows.shards if isinstance(rows, Rows) else shards_of(kind, rows):
         before = shard.rows()
@@ -282,7 +282,7 @@ def _values(column: pa.ChunkedArray | pa.Array, field: pa.Field) -> list[Any]:
 
 
 def _parsed(text: str, known: dict[str, Any]) -> Any:
-    """The value of a JSON text. Rows share equal ones, which nobody writes to."""
+    """The value of a JSON text. Rows share equal values, which must not be modified."""
     if text not in known:
         known[text] = json.loads(text)
     return known[text]

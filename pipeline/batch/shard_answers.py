@@ -1,4 +1,4 @@
-"""A stage, its questions about clips, and the answers about all clips of a shard: rows that are stored and recalled
+"""A stage, its questions about clips, and the combined answers about all clips of a shard, which are cached
 together."""
 
 from collections.abc import Callable, Mapping
@@ -15,28 +15,28 @@ from pipeline.files import digest
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """What is run on each clip, and what its answer depends on."""
+    """A function to run on each clip, and everything that its answers depend on."""
 
     name: str
     version: str
-    """Code version: digest of the sources the answer depends on."""
+    """Code version: digest of the sources that the answer depends on."""
     function: Callable[..., Outcome]
     """`function(clip, numbers) -> Outcome`; for files `function(path, *arguments) -> Outcome`. Must be importable."""
     prepare: Callable[..., Any] | None = None
-    """`prepare(clip)`: what is alike for all windows of a clip. It is worked out once for clips of the same motion,
-    which then go to one process, and `function` gets it as `prepared`. Must be importable."""
+    """`prepare(clip)`: intermediate results shared by all windows of a clip. Computed once for clips of the same
+    motion, which go to one process; `function` gets it as `prepared`. Must be importable."""
     together: Callable[[str], str] | None = None
-    """Of a clip's name: what the names of clips that `prepare` is for have in common; without it, their motion."""
+    """Maps a clip's name to the key of clips that share `prepare`; None: clips with the same motion."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Plain settings, for key and provenance."""
     depends: dict[str, str] = field(default_factory=dict)
-    """What else the answer depends on, by digest (the robot)."""
+    """Digests of further dependencies of the answer (the robot)."""
     robot: str = ""
-    """Whose motions it makes; empty for what all robots share."""
+    """Robot of the resulting motions; empty if independent of the robot."""
 
     @property
     def asker(self) -> str:
-        """By what `pipeline.batch.collect` counts its runs: those of one robot say nothing about another's."""
+        """Key by which `pipeline.batch.collect` counts runs, separately for each robot."""
         return f"{self.robot}/{self.name}" if self.robot else self.name
 
     @cached_property
@@ -44,7 +44,7 @@ class Stage:
         return digest.of_json({"settings": self.settings, "depends": self.depends})
 
     def group_of(self, entry: Entry) -> str:
-        """What clips that are worked on one after the other in one process have in common."""
+        """Key of clips that are processed together in one process."""
         if self.together is not None:
             return self.together(entry.clip)
         return entry.blob if self.prepare else entry.clip
@@ -56,20 +56,20 @@ class Stage:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One question: what the judged row is called, its memo key, what it is about, what to carry on."""
+    """One question: name of the findings' row, memo key, subject, and data to pass on."""
 
     clip: str
     key: str
     about: Any
     group: str
-    """Jobs of one group are worked on by one call, one after the other."""
+    """Jobs of one group are processed sequentially by one call."""
     numbers: dict[str, Any] = field(default_factory=dict)
     record: tuple[dict[str, Any], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShardResult:
-    """What is known of the answers about one shard."""
+    """Combined result of the answers about one shard."""
 
     entries: tuple[Shard[Entry], ...]
     clips: tuple[str, ...]
@@ -80,11 +80,11 @@ class ShardResult:
 
 
 WHOLE = 2 * CUT_EVERY
-"""Rows that are made of one shard are one again up to this number."""
+"""Number of rows made from one shard up to which they stay one shard."""
 
 
 def recalled(key: str, stage: Stage, store: Store) -> ShardResult | None:
-    """The remembered answers about a shard, if all that they name is there and unchanged."""
+    """Cached answers about a shard, if everything that they reference exists and is unchanged."""
     answer = store.recall(key, stage.asker)
     if answer is None:
         return None
@@ -110,7 +110,7 @@ def result_of(
     recomputed: int,
     store: Store,
 ) -> ShardResult:
-    """The rows that the answers about a shard make, stored and remembered where none of them is a fault."""
+    """Rows from the answers about a shard; stored and cached if none is a failure."""
     entries: list[Entry] = []
     judged: list[Judged] = []
     unsound: list[tuple[str, str]] = []
@@ -143,7 +143,7 @@ def result_of(
 
 
 def _entries(stage: Stage, job: Job, answer: dict[str, Any]) -> list[Entry]:
-    """The clips that go on from one answer."""
+    """Kept clips of one answer."""
     done = {
         "stage": stage.name,
         "version": stage.version,

@@ -1,10 +1,10 @@
-"""This project's code on the workers of a Dask cluster, the same that the scheduling process runs.
+"""Install this project's code on the workers of a Dask cluster, identical to that of the scheduling process.
 
-The memo's key of an answer states the code that gave it, so a worker must not answer with other code. What is here is
-sent by value (`pipeline.batch.cluster`) and imports nothing of the project, which scheduler and workers may lack.
+The memo's key of an answer contains the code version, so a worker must not use other code. This module is sent by value
+(`pipeline.batch.cluster`) and imports nothing of the project, which scheduler and workers may not have.
 
-Calls come as pickles, like all that Dask sends: a worker executes what its scheduler gives it, and the run believes
-what workers answer (docs/security.md). No file of a user is unpickled here.
+Calls are sent as pickles, like everything in Dask: a worker executes whatever its scheduler sends, and the run trusts
+the workers' answers (docs/security.md). No user file is unpickled here.
 """
 
 import contextlib
@@ -26,12 +26,12 @@ from distributed import WorkerPlugin, get_worker
 
 PACKAGE = "pipeline"
 WITH = ("pipeline/**/*", "data/*.yaml", "robots/*/*")
-"""What of the project's folder workers read: code, settings, and the models of robots without their policies."""
+"""Files of the project that workers need: code, settings, and robot models without policies."""
 CODE = "booster_lab_code"
 """Attribute of a Dask worker: digest of the code that it runs."""
 MALLOPT = {-1: 128 * 1024**2, -3: 32 * 1024**2}
-"""glibc's M_TRIM_THRESHOLD, free memory kept at the top of a heap, and M_MMAP_THRESHOLD, from which size on an
-allocation gets new pages [B]."""
+"""glibc's M_TRIM_THRESHOLD, free memory kept at the top of a heap, and M_MMAP_THRESHOLD, the allocation
+size from which new pages are mapped [B]."""
 
 
 def files_of(root: Path) -> dict[str, Path]:
@@ -49,10 +49,9 @@ def digest_of(root: Path) -> str:
 
 
 class ShippedCode(WorkerPlugin):
-    """Make a worker run the code of `root`; it keeps its own where that is the same.
+    """Make a worker run the code of `root`, unless its own code is identical.
 
-    A worker raises RuntimeError where it can't be as the scheduling process is: libraries of other versions, several
-    threads.
+    A worker raises RuntimeError if it can't match the scheduling process: other library versions, several threads.
     """
 
     name = "booster-lab code"
@@ -95,7 +94,7 @@ class ShippedCode(WorkerPlugin):
 
 
 def _reuse_memory() -> None:
-    """Let this process use the memory of a large array again for the next one.
+    """Let this process reuse the memory of large arrays.
 
     Dask's nanny sets MALLOC_TRIM_THRESHOLD_, with which glibc maps new pages for every array from 128 kB on: KP5 of
     1,000 clips took 10.4 s instead of 7.2 to 8.8, with 2.5 s of each worker in the kernel instead of 0.1.
@@ -113,7 +112,7 @@ def _installed(library: str) -> str:
 
 
 def load(function: bytes, code: str, probes: Sequence[str]) -> Callable[[bytes], tuple[str, list[Any]]]:
-    """`work` with what is alike for all calls, which a worker keeps: what the function caches is made once.
+    """`work` with the arguments shared by all calls, kept by a worker so that the function's caches persist.
 
     Args:
         function: the pickled function
@@ -124,7 +123,7 @@ def load(function: bytes, code: str, probes: Sequence[str]) -> Callable[[bytes],
 
 
 def work(function: Callable[..., Any], code: str, probes: Sequence[str], calls: bytes) -> tuple[str, list[Any]]:
-    """A sentence that says why this worker can't work for the run, or empty, and `function(*call)` of each call."""
+    """Why this worker can't be used for the run (empty if it can), and `function(*call)` for each call."""
     worker = get_worker()
     if getattr(worker, CODE, None) != code:
         return f"another run gave worker {worker.address} other code; let one run at a time use a cluster.", []

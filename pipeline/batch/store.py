@@ -1,7 +1,7 @@
 """The project's store on disk: blobs, memo, manifests and their shards.
 
-A killed run leaves each file whole or not there. Manifests and the shards that they name withstand a power cut, too;
-blobs and memo are not forced to the disk, and what a power cut takes of them is made again.
+Writes are atomic: a killed run leaves no partial file. Manifests and their shards also survive a power failure; blobs
+and the memo are not synced, and are recomputed if a power failure loses them.
 """
 
 import contextlib
@@ -30,63 +30,63 @@ from pipeline.files.blob_store import BlobStore, DigestMemory, settled_state
 from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 LOCK = "lock"
-"""File in the store that who works on it holds locked."""
+"""Lock file of the store."""
 
 BLOBS_VARIABLE = "BOOSTER_LAB_BLOBS"
-"""URL of a folder that machines without a common one share blobs in, as fsspec names it."""
+"""fsspec URL of a folder for blobs, for machines without a shared file system."""
 
 STAGE = "stage"
-"""Key of an answer: the stage that asked."""
+"""Key of an answer: its stage."""
 
 ANSWERS = "answers"
-"""Key of an answer about all clips of a shard: the keys of the answers about each of them."""
+"""Key of a combined answer about a shard: memo keys of the answers about its clips."""
 
 ROUND_TRIPS = "round_trips"
-"""Who asks whether the blobs of a shard round-trip."""
+"""Stage name of the cached check that a shard's blobs round-trip."""
 
 A_CALL = 32
-"""Blobs that a process looks at before it reports."""
+"""Blobs per call of a checking process."""
 
 MOST_ASKINGS = 100
-"""Runs of a stage that are remembered."""
+"""Most runs of a stage that are recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
-    """`blobs/` and `shards/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder.
+    """`blobs/` and `shards/` by content, `memo/` by question, `manifests/` by asset; below one folder.
 
-    With a URL, blobs are there too: processes that are given the store read and write them there alone, and this one
-    keeps a copy of each that it looks at.
+    With a URL, blobs are stored there as well: worker processes read and write them only there, and this process keeps
+    a copy of each blob that it reads.
     """
 
     root: Path
     blobs_url: str = field(default_factory=lambda: os.environ.get(BLOBS_VARIABLE, "").rstrip("/"))
     given: bool = field(default=False, repr=False, compare=False)
-    """Whether another process made it, so that its folder may be that of another machine."""
+    """Whether the store was sent by another process, whose folder may be on another machine."""
 
     @property
     def blobs(self) -> BlobStore | RemoteBlobs:
-        """Where clips are read and written."""
+        """Blob store for reading and writing clips."""
         return RemoteBlobs(url=self.blobs_url) if self.blobs_url and self.given else self.own_blobs
 
     @cached_property
     def own_blobs(self) -> BlobStore:
-        """Blobs in this store's folder, with those at its URL behind them."""
+        """Blob store in this store's folder, backed by its URL."""
         remote = RemoteBlobs(url=self.blobs_url) if self.blobs_url else None
         return BlobStore(root=self.root / "blobs", remote=remote)
 
     @property
     def shared_folders(self) -> tuple[Path, ...]:
-        """Folders that a cluster's workers must see."""
+        """Folders that must be visible to a cluster's workers."""
         return () if self.blobs_url else (self.root,)
 
     def pool_of_files(self, pool: ClipPool) -> ClipPool:
-        """The pool for work on files of this machine, which workers see only where they see the store."""
+        """The pool for stages on local files, which workers see only if they see the store's folder."""
         return pool.on_this_machine() if self.blobs_url else pool
 
     @property
     def shards(self) -> BlobStore:
-        """Where the rows of manifests are."""
+        """Blob store of the manifests' shards."""
         return BlobStore(root=self.root / "shards")
 
     @cached_property
@@ -94,11 +94,11 @@ class Store:
         return DigestMemory(self.root / "blob_digests.json")
 
     def __getstate__(self) -> dict[str, Any]:
-        # Worker processes need not know which blobs were looked at.
+        # Worker processes do not need the record of checked blobs.
         return {"root": self.root, "blobs_url": self.blobs_url, "given": True}
 
     def holds(self, blob: str, kind: str = "blobs") -> bool:
-        """Whether a blob (or a file of `shards`) is there under its content; an untouched one is read once."""
+        """Whether a blob (or a file of `shards`) exists with the right content; an unchanged one is read only once."""
         try:
             return self._digests.of(self._file(blob, kind)) == blob
         except OSError:
@@ -108,20 +108,20 @@ class Store:
         return f"{self.root}/{kind}/{blob[:2]}/{blob}"
 
     def clips_of(self, shard: Shard[Entry]) -> list[str] | None:
-        """The clips of a shard; None where its file or a blob that it names is missing or was changed."""
+        """The clips of a shard; None if its file or a referenced blob is missing or changed."""
         if not self.holds(shard.digest, "shards"):
             return None
         columns = shard.columns(["clip", "blob"])
         return columns["clip"] if all(map(self.holds, columns["blob"])) else None
 
     def put_shard(self, shard: Shard[Row]) -> Shard[Row]:
-        """Store the rows of a shard; the shard without its bytes."""
+        """Store a shard; return it without its bytes in memory."""
         if isinstance(shard.place, bytes):
             self.shards.put(shard.place)
         return dataclasses.replace(shard, place=self.shards)
 
     def holds_blobs_of(self, asset: str) -> bool:
-        """Whether all that the current manifest of an asset names is there and unchanged. Raises FileError."""
+        """Whether everything that the current manifest of an asset references exists unchanged. Raises FileError."""
         manifest = self.load(asset)
         if not isinstance(manifest.entries, Rows):  # of an earlier version
             return all(self.holds(entry.blob) for entry in manifest.entries)
@@ -130,19 +130,19 @@ class Store:
             return judged and all(clips is not None for clips in pool.map(self.clips_of, manifest.entry_shards))
 
     def note_blobs(self) -> None:
-        """Keep for later runs which blobs were found unchanged. Raises FileError when the disk refuses."""
+        """Save the record of unchanged blobs for later runs. Raises FileError on disk errors."""
         self._digests.save()
 
     def put_clip(self, clip: Clip) -> str:
-        """Store a clip's motion; the digest of its blob."""
+        """Store a clip's motion; return the digest of its blob."""
         return self.blobs.put(codec.encode(clip))
 
     def get_clip(self, blob: str, name: str) -> Clip:
-        """The clip of a blob under a name."""
+        """Load the clip of a blob with a name."""
         return codec.decode(self.blobs.get(blob), name)
 
     def round_trips(self, blob: str) -> bool:
-        """Whether a blob has the content that its name says, and the clip that is read from it encodes to its bytes."""
+        """Whether a blob matches its digest, and its decoded clip encodes to the same bytes."""
         try:
             data = self.blobs.get(blob)
             return codec.encode(codec.decode(data, blob)) == data
@@ -154,7 +154,7 @@ class Store:
         return {}
 
     def _asking(self, stage: str) -> int:
-        """When this process began to ask for answers of a stage [ns]; answers that it asks for have this time."""
+        """Start time of this process's requests for a stage [ns], used as time of the requested answers."""
         if stage not in self._asked_ns:
             now = self._asked_ns[stage] = time.time_ns()
             times = self.askings()
@@ -163,7 +163,7 @@ class Store:
         return self._asked_ns[stage]
 
     def askings(self) -> dict[str, list[int]]:
-        """Stage -> when each of its runs began to ask for answers [ns], the latest last."""
+        """Stage -> start times of its runs' requests [ns], the latest last."""
         try:
             found = json.loads(self._askings_path.read_text())
         except (OSError, ValueError, RecursionError):
@@ -175,9 +175,9 @@ class Store:
         return self.root / "askings.json"
 
     def damaged(self, manifest: Manifest, pool: ClipPool) -> Iterator[str]:
-        """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again.
+        """Clips of a manifest whose blobs do not round-trip; shards that passed before are not read again.
 
-        Processes on this machine begin at once. They are awaited when the first clip is asked for.
+        Processes on this machine start immediately and are awaited at the first iteration.
         """
         version = code_version()
         unchecked: list[tuple[str, list[str], list[str]]] = []  # key of the answer, clips, blobs
@@ -196,7 +196,7 @@ class Store:
     ) -> Iterator[str]:
         states = dict(answers)
         for blob, state in states.items():
-            if state:  # it was read whole: `holds` need not read it again
+            if state:  # already read completely: `holds` need not read it again
                 self._digests.note(self._file(blob), state, blob)
         for key, _, blobs in unchecked:
             if all(states[blob] is not None for blob in blobs):
@@ -205,22 +205,22 @@ class Store:
             yield from (clip for clip, blob in zip(clips, blobs, strict=True) if states[blob] is None)
 
     def _all_round_trip(self, blobs: list[str]) -> list[list[int] | None]:
-        """The settled state of each blob's file, nothing of one at a URL; None where it does not round-trip."""
+        """Settled state of each blob's file (empty for one at a URL); None if it does not round-trip."""
         states = [
             [] if self.blobs_url or not self.own_blobs.has(blob) else settled_state(self._file(blob)) for blob in blobs
         ]
         return [state if self.round_trips(blob) else None for blob, state in zip(blobs, states, strict=True)]
 
     def recall(self, key: str, stage: str) -> dict[str, Any] | None:
-        """The remembered answer to a question of a stage, if all the blobs it names are there and unchanged.
+        """Cached answer to a question of a stage, if all referenced blobs exist and are unchanged.
 
-        The file's time becomes that of this run's asking, by which `pipeline.batch.collect` knows what is in use.
+        The file's time is set to this run's request time, from which `pipeline.batch.collect` knows what is in use.
 
-        Raises FileError of a disk that fails: the question may have been asked.
+        Raises FileError on disk errors, since the answer may exist.
         """
         path, asked_ns = self._memo_path(key), self._asking(stage)
         try:
-            with open(path, "rb") as stream:  # noqa: PTH123, asked for each clip of each stage
+            with open(path, "rb") as stream:  # noqa: PTH123, called for each clip of each stage
                 answer = json.loads(stream.read())
             blobs = [piece["blob"] for piece in answer["pieces"]]
         except (FileNotFoundError, ValueError, TypeError, KeyError, RecursionError):
@@ -229,15 +229,15 @@ class Store:
             raise FileError(path, f"could not be read ({error}).", "Check the disk that holds the store.") from error
         if not all(map(self.holds, blobs)):
             return None
-        with contextlib.suppress(OSError):  # a store that is only read
+        with contextlib.suppress(OSError):  # a read-only store
             os.utime(path, ns=(asked_ns, asked_ns))
         return answer
 
     def remember(self, key: str, answer: dict[str, Any], stage: str) -> None:
-        """Note the answer to a question of a stage, whole or not at all.
+        """Cache the answer to a question of a stage, atomically.
 
-        It is not forced to the disk, as that takes longer than many an answer: one that a power cut tears is no
-        JSON or not there, and its question is asked again.
+        It is not synced, which would take longer than computing many an answer: one that a power failure damages is
+        invalid JSON or missing, and is recomputed.
         """
         text = json.dumps({**answer, STAGE: stage}, sort_keys=True, allow_nan=False)
         atomic.write_unsynced(self._memo_path(key), text.encode(), self._asking(stage))
@@ -246,13 +246,13 @@ class Store:
         return f"{self.root}/memo/{key[:2]}/{key}.json"
 
     def manifest_path(self, asset: str) -> Path:
-        """Where the manifest of an asset lies; `asset` is its key with slashes."""
+        """Path of an asset's manifest; `asset` is its key with slashes."""
         return self.root / "manifests" / f"{asset}.json"
 
     def save(self, asset: str, manifest: Manifest) -> None:
-        """Make `manifest` the asset's current one, its shards on the disk first.
+        """Save `manifest` as the asset's current one, after syncing its shards.
 
-        The blobs it names are stored already, but not forced to the disk: `holds_blobs_of` finds what is lost.
+        Its blobs are already stored, but not synced: `holds_blobs_of` finds lost ones.
         """
         shards: tuple[Shard[Any], ...] = (*manifest.entry_shards, *manifest.judged_shards)
         for shard in shards:

@@ -1,8 +1,8 @@
-"""The catalogue: every file measured and labelled, defects of the whole file found and corrected.
+"""The catalogue: measure and label every file, correct defects that concern the whole file.
 
     ReadMotion -> frames stored once -> rate checked against gravity and gait -> numbers -> one clip
 
-`catalogue_file` is the stage for a file, `catalogue` the same for what a reader has read.
+`catalogue_file` is the stage for a file, `catalogue` the same for a motion that was already read.
 """
 
 from pipeline.catalog.catalogue import catalogue, catalogue_file, correct

@@ -1,4 +1,4 @@
-"""The stage: one file's motion, measured and labelled, with the defects of the whole file corrected."""
+"""The catalogue stage: measure and label the motion of one file, correct defects of the whole file."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from pipeline.readers import ReadMotion, Source, read_motion, read_reference, re
 
 
 def catalogue_file(path: Path, name: str, source: Source, within: str, *, settings: CatalogSettings) -> Outcome:
-    """Read a source's file as a clip and catalogue it. Raises FileError for what can't or must not be read.
+    """Read a source's file as a clip and catalogue it. Raises FileError for a file that can't or must not be read.
 
     Args:
         path: the file
@@ -81,18 +81,18 @@ class Corrected:
 
     clip: HumanClip | RobotClip
     times_stored: int
-    """How often the file stores each frame."""
+    """Number of times that the file stores each frame."""
     first_frame: int
-    """Frame of the file that is the clip's first."""
+    """Frame of the file that is the clip's first frame."""
     time_base: TimeBase | None
-    """How the rate was checked; None for a robot, whose gait and size are not a person's."""
+    """Check of the rate; None for a robot, whose gait and size differ from a person's."""
     person: Person | None
-    """Evidence for the rate, where it is the clip's; None for a robot, and where the rate was wrong."""
+    """Evidence for the clip's rate; None for a robot, and if the rate was wrong."""
     reasons: tuple[Reason, ...]
 
 
 def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool = False) -> Corrected:
-    """Each frame once, then at the rate at which the motion was made."""
+    """Remove repeated frames, then correct the frame rate."""
     clip, reasons = read.clip, []
     times, first = times_stored(clip, settings.repeated_share)
     if times > 1:
@@ -120,31 +120,33 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
 
 
 MOSTLY = 0.5
-"""Share of steps from which a root that is too fast is what keeps a file from being evaluated."""
+"""Share of implausibly fast root steps from which these are the reason for rejecting a file."""
 
 
 def _too_little_recorded(
     clip: HumanClip | RobotClip, measured: Mapping[str, Number], settings: CatalogSettings
 ) -> tuple[Reason, ...]:
-    """The reason why a file can't be evaluated; none for a file that can."""
+    """The reason why a file can't be evaluated; empty if it can."""
     share, least = float(measured["recorded_share"] or 0.0), settings.least_recorded_share
     if share >= least:
         return ()
     if measured["speed_mean"] is None:
-        seen = f"of {clip.frame_count} frames none is in a stretch of {settings.velocity_s:g} s that tells a speed"
+        found = f"of {clip.frame_count} frames none is in a stretch of {settings.velocity_s:g} s, which a speed needs"
     else:
-        seen = f"where a speed can be measured {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
+        found = (
+            f"where a speed can be measured {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
+        )
     why, fast = "root or hips are missing in the others", teleport_share(clip)
     if fast > MOSTLY:
         why = f"in {fast:.0%} of the steps the root is faster than {TELEPORT_M_S:g} m/s: its unit or the rate is wrong"
-    text = f"{seen}; {why}"
+    text = f"{found}; {why}"
     return (Reason(code="too_little_recorded", text=text, effect="rejected", value=share, limit=least),)
 
 
 def _contradicted(clip: HumanClip | RobotClip, time_base: TimeBase, rate_is_stated: bool) -> Reason:
-    """The reason of a contradicted rate and what follows from it."""
-    seen = " and ".join(clock.text for clock in (time_base.gravity, time_base.gait) if clock is not None)
-    text = f"at {clip.fps:g} Hz {seen}"
+    """The reason for a contradicted rate, with its effect."""
+    evidence = " and ".join(clock.text for clock in (time_base.gravity, time_base.gait) if clock is not None)
+    text = f"at {clip.fps:g} Hz {evidence}"
     if rate_is_stated:
         effect, then = "noted", "the stated rate stays"
     elif not time_base.certain:
@@ -164,19 +166,20 @@ def _contradicted(clip: HumanClip | RobotClip, time_base: TimeBase, rate_is_stat
 
 
 MOST_TIMES = 8
-"""How often a frame may be stored and still be found."""
+"""Most repetitions of a frame that are detected."""
 NO_STEP = 1e-7
-"""Steps up to this [m or rad] are none: the same numbers went through another arithmetic."""
+"""Largest step between repeated frames [m or rad], due to rounding."""
 LEAST_MOVED = 0.5
-"""Share of the distinct frames that have to differ from the one before: a frozen clip shows no pattern."""
+"""Least share of distinct frames that differ from the previous one, since a frozen clip shows no pattern."""
 LEAST_SEEN = 0.5
-"""Share of the other steps that have to be known: a step beside a missing frame is not known to be none."""
+"""Least share of the other steps that are known; steps next to a missing frame are unknown."""
 
 
 def times_stored(clip: HumanClip | RobotClip, share: float) -> tuple[int, int]:
-    """How often each frame is stored, and the file's frame at which the first whole group begins.
+    """Number of repetitions of each frame, and the file's frame at which the first complete group begins.
 
-    `(1, 0)` for a sound clip, and for one that hardly moves. `share` of all moves have to be in the pattern.
+    `(1, 0)` for a clip without repetitions, and for one that hardly moves. At least `share` of all steps must be in the
+    pattern.
     """
     step = _steps(clip)
     moved, known = np.nan_to_num(step) > NO_STEP, np.isfinite(step)
@@ -194,7 +197,7 @@ def times_stored(clip: HumanClip | RobotClip, share: float) -> tuple[int, int]:
 
 
 def each_once(clip: HumanClip | RobotClip, times: int, first: int) -> HumanClip | RobotClip:
-    """Every `times`-th frame from `first` on, at the rate that keeps the clip's duration."""
+    """Every `times`-th frame from `first`, at the rate that keeps the clip's duration."""
     taken = {name: each[first::times].copy() for name, each in vars(clip).items() if isinstance(each, np.ndarray)}
     return dataclasses.replace(clip, fps=clip.fps / times, **taken)
 
@@ -209,9 +212,9 @@ def _steps(clip: HumanClip | RobotClip) -> Float[np.ndarray, " steps"]:
 def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Person | None = None) -> dict[str, Number]:
     """Frames, missing frames, speeds [m/s], yaw rates [rad/s]; of a person also gait, legs and feet.
 
-    `recorded_share`: of the frames with a speed, how many were recorded and not bridged.
+    `recorded_share`: share of the frames with a speed that were recorded, not interpolated.
 
-    Short gaps are bridged first (`person`, if that is known already). What cannot be measured is None.
+    Short gaps are interpolated first (`person`, if already computed). Quantities that cannot be measured are None.
     """
     motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)
     speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
@@ -238,13 +241,13 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Pers
 
 
 def missing_frames(clip: HumanClip | RobotClip) -> int:
-    """Frames in which any number is missing."""
+    """Number of frames with missing values."""
     arrays = [each for each in vars(clip).values() if isinstance(each, np.ndarray) and each.dtype.kind == "f"]
     return int(np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0).sum())
 
 
 def _stance_foot_speed(clip: HumanClip) -> float | None:
-    """Mean horizontal speed of the slowest of both ankles and balls [m/s]: skating, once one foot stands."""
+    """Mean horizontal speed of the slowest of both ankles and balls [m/s]: foot skating if one foot is in stance."""
     points = np.stack([clip.pos(f"{side}_{part}")[:, :2] for side in FEET for part in ("ankle", "toe")], axis=1)
     slowest = np.linalg.norm(time_series.derivative(points, clip.fps), axis=2).min(axis=1)
     known = slowest[np.isfinite(slowest)]

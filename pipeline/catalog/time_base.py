@@ -1,14 +1,13 @@
-"""Is a person's clip at the rate that its file states? Gravity and gait show it. Settings of the catalogue.
+"""Check the frame rate of a person's clip by gravity and gait. Settings of the catalogue.
 
-Gravity: in flight a body falls with 9.81 m/s², whatever it does. Gait: the length of people's steps over their
-rate is a constant of about 6.5 mm per step a minute when they walk (Sekiya and Nagasaki 1998), and runners take
-about 170 steps a minute whatever their speed. Gravity is the more precise clock and is used where both can be read.
+Gravity: in flight a body accelerates downward with 9.81 m/s². Gait: in walking, the ratio of step length to step rate
+is about 6.5 mm per step/min (Sekiya and Nagasaki 1998), and runners take about 170 steps/min at any speed. Gravity is
+more precise and is preferred.
 
-Steps and flight phases are found in frames and need no rate, so that they can be used to check it. A foot that stands
-is still in the world, whatever the floor looks like and whatever the rate is. Where neither foot is, the body is in
-free fall: it follows a parabola whose curvature in metres per frame² gives the duration of a frame. The trunk
-represents the body: over correct recordings of four sources its fall is 7.4 to 10.8 m/s²; that of a centre of mass from
-joint positions scatters more.
+Steps and flight phases are detected in units of frames, independent of the rate. A foot in stance is at rest in the
+world, regardless of floor and rate. If neither foot is at rest, the body is in free fall: it follows a parabola whose
+curvature in metres per frame² gives the duration of a frame. The trunk represents the body: over correct recordings of
+four sources its fall is 7.4 to 10.8 m/s²; that of a centre of mass from joint positions scatters more.
 """
 
 import functools
@@ -29,26 +28,26 @@ from pipeline.physics import GRAVITY
 from pipeline.quality.planar_motion import facing_of, leg_length
 
 LEAST_SPREAD = 0.15
-"""Between two steps the feet's lead over each other swings by at least this share of the leg's length."""
-AHEAD = 0.75
-"""A step goes ahead when this share of its way is along the facing."""
+"""Least change of the distance between the feet along the facing from step to step, as a share of the leg length."""
+FORWARD_SHARE = 0.75
+"""Least share of a step's displacement along the facing for a forward step."""
 STRAIGHT = np.deg2rad(20.0)
-"""A step is straight when the way turns less from the step before it [rad]."""
+"""Largest change of direction from the previous step for a straight step [rad]."""
 STILL_SHARE = 0.25
-"""A foot of which ankle or ball moves slower than this share of the body's speed stands, or is about to."""
+"""Speed of ankle or ball, as a share of the body's speed, below which a foot is in stance or close to it."""
 CLEARANCE = 0.01
-"""Both feet are over their lowest point of a stride by this share of the leg's length."""
+"""Least height of both feet over their lowest point in a stride for a flight, as a share of the leg length."""
 SHORTEST_FRAMES = 4
-"""Fewer frames tell no curvature."""
+"""Least number of frames for an estimate of the curvature."""
 
 
 class Steps(NamedTuple):
-    """Steps ahead, in the order of time."""
+    """Forward steps, in temporal order."""
 
     frames: Float[np.ndarray, " n"]
     """Duration of each step [frames]."""
     length: Float[np.ndarray, " n"]
-    """Way of the pelvis in each step [m]."""
+    """Displacement of the pelvis in each step [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,17 +56,17 @@ class Flights:
 
     phases: tuple[tuple[int, int], ...]
     fall: Float[np.ndarray, " n"]
-    """Downward acceleration of the trunk in each [m/frame²]."""
+    """Downward acceleration of the trunk in each flight [m/frame²]."""
 
     @property
     def frames(self) -> Float[np.ndarray, " n"]:
-        """Duration of each [frames]."""
+        """Duration of each flight [frames]."""
         return np.array([stop - start for start, stop in self.phases], dtype=float)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Person:
-    """A person's clip with what steps and flights are found from; each quantity is computed once."""
+    """A person's clip with cached quantities for the detection of steps and flights."""
 
     clip: HumanClip
 
@@ -81,7 +80,7 @@ class Person:
 
     @functools.cached_property
     def step_events(self) -> Int[np.ndarray, " n"]:
-        """Frames at which one ankle leads the other most, left and right in turns."""
+        """Frames at which one ankle is furthest in front of the other, alternating left and right."""
         clip = self.clip
         lead = np.sum((clip.pos("left_ankle") - clip.pos("right_ankle"))[:, :2] * self.facing, axis=1)
         index = np.flatnonzero(np.isfinite(lead))
@@ -98,13 +97,13 @@ class Person:
 
     @functools.cached_property
     def step_rate(self) -> float | None:
-        """Median number of steps a frame, in any direction; None where fewer than two steps are seen."""
+        """Median number of steps per frame, in any direction; None with fewer than two steps."""
         events = self.step_events
         return None if len(events) < 3 else 1.0 / float(np.median(np.diff(events)))
 
     @functools.cached_property
     def flights(self) -> Flights:
-        """Flight phases of running and jumping; none where no steps are seen or positions are missing."""
+        """Flight phases of running and jumping; none without steps or with missing positions."""
         clip = self.clip
         if self.step_rate is None:
             return Flights(phases=(), fall=np.zeros(0))
@@ -118,8 +117,8 @@ class Person:
         return Flights(phases=phases, fall=np.array([_fall(height[start:stop]) for start, stop in phases]))
 
 
-def steps_ahead(person: Person) -> Steps:
-    """The straight steps ahead, each between two moments at which one ankle leads most: double supports of walking.
+def forward_steps(person: Person) -> Steps:
+    """Straight forward steps, each between two frames with the largest distance between the ankles (double support).
 
     Frames with missing positions are left out; a step across them is not counted.
     """
@@ -131,8 +130,8 @@ def steps_ahead(person: Person) -> Steps:
         direction, before = before, way
         if direction is None or not np.all(known[first : last + 1]):
             continue
-        ahead = np.dot(way, rotation.normalize(facing[first : last + 1].mean(axis=0)))
-        if ahead > AHEAD * np.linalg.norm(way) and _angle(direction, way) < STRAIGHT:
+        along = np.dot(way, rotation.normalize(facing[first : last + 1].mean(axis=0)))
+        if along > FORWARD_SHARE * np.linalg.norm(way) and _angle(direction, way) < STRAIGHT:
             frames.append(last - first)
             length.append(np.linalg.norm(way))
     return Steps(frames=np.array(frames, dtype=float), length=np.array(length))
@@ -143,7 +142,7 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _airborne(clip: HumanClip, stride: int, leg: float) -> Bool[np.ndarray, " t"]:
-    """Frames (t,) in which no foot stands, while the body travels at least a leg's length in a stride."""
+    """Mask (t,) of frames without a foot in stance, while the body travels at least a leg length per stride."""
     points = np.stack([clip.pos(f"{side}_{part}") for side in FEET for part in ("ankle", "toe")], axis=1)
     slowest = np.linalg.norm(time_series.derivative(points, 1.0), axis=2).min(axis=1)
     travel = time_series.derivative(_filled_mean(clip.pos("pelvis")[:, :2], stride), 1.0)
@@ -157,7 +156,7 @@ def _airborne(clip: HumanClip, stride: int, leg: float) -> Bool[np.ndarray, " t"
 
 
 def _filled_mean(values: np.ndarray, width: int) -> np.ndarray:
-    """Moving mean (t, 2) of positions; missing ones keep the last known place."""
+    """Moving mean (t, 2) of positions; missing ones are filled with the last known position."""
     known = np.isfinite(values).all(axis=1)
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
     return time_series.moving_mean(np.nan_to_num(values)[last], width)
@@ -171,40 +170,41 @@ def _fall(height: Float[np.ndarray, " n"]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeBaseSettings:
-    """When a frame rate is wrong, and what may stand in its place."""
+    """Thresholds for a wrong frame rate, and possible replacements."""
 
     standard_rates_hz: Annotated[tuple[float, ...], RATE_HZ]
     """Rates at which motion is recorded or exported [Hz]."""
     gravity_ratio: Annotated[float, Range(1.0, 10.0, open_low=True)]
     """True rate over the file's rate (or the reverse) from which flights contradict the file."""
     gait_ratio: Annotated[float, Range(1.0, 10.0, open_low=True)]
-    """The same for steps, where there are no flights."""
+    """`gravity_ratio` for the check by gait, used without flights."""
     certain_gait_ratio: Annotated[float, Range(1.0, 10.0, open_low=True)]
-    """From here on steps alone are enough to call a rate wrong: people differ, gravity does not."""
+    """Ratio from which steps alone prove a wrong rate, beyond the differences between people."""
     fewest_flights: Annotated[int, COUNT]
-    """Flight phases that a check by gravity needs."""
+    """Least number of flight phases for a check by gravity."""
     flight_spread: Annotated[float, PART]
     """Largest median deviation of the phases' fall from their median, as a share of it."""
     gravity_tolerance: Annotated[float, PART]
-    """A standard rate explains the flights when it is within this share of what they tell."""
+    """Largest relative difference of a standard rate from the rate by gravity that it explains."""
     gait_tolerance: Annotated[float, PART]
-    """The same for the steps."""
+    """Largest relative difference of a standard rate from the rate by gait that it explains."""
     same_rate: Annotated[float, SHARE]
-    """Standard rates this close to each other (24 and 25 Hz) are not distinguished: the nearest is taken."""
+    """Relative difference below which standard rates (24 and 25 Hz) are not distinguished: the nearest is used."""
     usual_rates_hz: Annotated[dict[str, tuple[float, ...]], Keys(keys=Pattern(), values=RATE_HZ)]
     """Pattern of a skeleton's name -> rates at which its sources record [Hz]; they decide between several standard
     rates that explain the motion."""
     usual_ratio: Annotated[float, Range(1.0, 10.0, open_low=True)]
-    """A file's rate this far from a usual one gives way to it when gravity or gait are nearer to that one."""
+    """Ratio of a file's rate to a usual one from which the usual one replaces it, if gravity or gait agree better with
+    it."""
     fewest_steps: Annotated[int, COUNT]
-    """Straight steps forward that a check by gait needs."""
+    """Least number of straight forward steps for a check by gait."""
     shortest_step: Annotated[float, NOT_NEGATIVE]
-    """Steps shorter than this share of the leg's length do not count: shuffling follows no rule."""
+    """Least step length as a share of the leg length; shuffling has no constant ratio."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogSettings:
-    """All of the catalogue."""
+    """All settings of the catalogue."""
 
     velocity_s: Annotated[float, Range(0.01, 5.0)]
     """Width of the moving mean on the root's velocity [s]."""
@@ -213,16 +213,16 @@ class CatalogSettings:
     bridge_s: Annotated[float, Range(0.0, 5.0)]
     """Longest gap of the recording that is interpolated before anything is measured [s]."""
     least_recorded_share: Annotated[float, SHARE]
-    """Of the frames whose motion is known once gaps are bridged at least this share has to be recorded."""
+    """Least share of recorded frames among those with known motion after the interpolation of gaps."""
     repeated_share: Annotated[float, PART]
-    """Share of all moves from frame to frame that are in the pattern where frames are stored several times."""
+    """Least share of all steps that are in the pattern of repeated frames."""
     time_base: TimeBaseSettings
 
 
 WALK_RATIO_M_MIN = 0.0065
 """Step length over cadence in walking [m/(steps/min)]."""
 RUNNING_CADENCE = 170.0
-"""Steps a minute that runners don't pass by much (Nilsson and Thorstensson 1987)."""
+"""Cadence of running, nearly independent of speed [steps/min] (Nilsson and Thorstensson 1987)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,13 +230,13 @@ class Clock:
     """One kind of evidence for the rate."""
 
     fps: float
-    """The rate it tells [Hz]."""
+    """The rate according to this evidence [Hz]."""
     text: str
-    """What was seen at the file's rate, for people."""
+    """Description of the evidence at the file's rate."""
     tolerance: float
-    """Share by which the true rate may differ from `fps`."""
+    """Largest relative difference of the true rate from `fps`."""
     limit: float
-    """Ratio of the two rates from which it contradicts the file."""
+    """Ratio of both rates from which the evidence contradicts the file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,19 +244,19 @@ class TimeBase:
     """Evaluation of a clip's rate."""
 
     gravity: Clock | None = None
-    """None: too few flights, or flights that disagree."""
+    """Evidence by gravity; None: too few flights, or inconsistent ones."""
     gait: Clock | None = None
-    """None: too few straight steps ahead."""
+    """Evidence by gait; None: too few straight forward steps."""
     ratio: float | None = None
-    """Rate that the decisive evidence tells over the clip's rate; None without evidence."""
+    """Rate of the decisive evidence relative to the clip's rate; None without evidence."""
     limit: float | None = None
     """Ratio from which that evidence contradicts the clip's rate."""
     contradicted: bool = False
-    """The evidence contradicts the clip's rate."""
+    """Whether the evidence contradicts the clip's rate."""
     certain: bool = False
-    """It does so by more than people differ."""
+    """Whether the contradiction exceeds the differences between people."""
     fps: float | None = None
-    """The one standard rate that explains a contradiction [Hz]; None where there is none or more than one."""
+    """The only standard rate that explains a contradiction [Hz]; None if there is none or several."""
     candidates: tuple[float, ...] = ()
     """All standard rates that explain a contradiction [Hz]."""
 
@@ -265,7 +265,7 @@ def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase
     """Compare a clip's rate with gravity and gait. `skeleton`: name of its map, which depends on who recorded it."""
     fps = person.clip.fps
     gravity = _by_gravity(person.flights, fps, settings)
-    gait = _by_gait(steps_ahead(person), person.leg_length, fps, settings)
+    gait = _by_gait(forward_steps(person), person.leg_length, fps, settings)
     decisive = gravity or gait
     if decisive is None:
         return TimeBase()
@@ -296,7 +296,7 @@ def _apart(a: float, b: float) -> float:
 
 
 def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clock | None:
-    """Median fall over the flights; a flight's curvature is the surer the longer it is, so it weighs more."""
+    """Rate from the median acceleration over the flights, weighted by duration, as long flights are more precise."""
     if len(flights.fall) < settings.fewest_flights:
         return None
     fall = time_series.weighted_median(flights.fall, flights.frames**2)
@@ -309,23 +309,23 @@ def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clo
 
 
 def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -> Clock | None:
-    """Median over the steps of the rate at which each would have the cadence that its length asks for."""
+    """Median over the steps of the rate at which each has the cadence expected for its length."""
     long = steps.length >= settings.shortest_step * leg
     if long.sum() < settings.fewest_steps:
         return None
     length, frames = steps.length[long], steps.frames[long]
-    wanted = np.minimum(length / WALK_RATIO_M_MIN, RUNNING_CADENCE)
+    expected = np.minimum(length / WALK_RATIO_M_MIN, RUNNING_CADENCE)
     cadence = 60.0 * fps / float(np.median(frames))
     text = (
         f"{cadence:.0f} steps a minute of {np.median(length):.2f} m are taken, where people take "
-        f"about {np.median(wanted):.0f}"
+        f"about {np.median(expected):.0f}"
     )
-    rate = float(np.median(wanted * frames / 60.0))
+    rate = float(np.median(expected * frames / 60.0))
     return Clock(fps=rate, text=text, tolerance=settings.gait_tolerance, limit=settings.gait_ratio)
 
 
 def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
-    """Standard rates within the clock's tolerance, the nearest first; of nearly equal ones only the nearest."""
+    """Standard rates within the clock's tolerance, sorted by distance; of nearly equal ones only the nearest."""
     near = [rate for rate in settings.standard_rates_hz if _apart(rate, clock.fps) <= 1.0 + clock.tolerance]
     chosen: list[float] = []
     for rate in sorted(near, key=lambda rate: (_apart(rate, clock.fps), rate)):
@@ -335,7 +335,7 @@ def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
 
 
 def _instead(clock: Clock, fps: float, usual: frozenset[float], settings: TimeBaseSettings) -> float | None:
-    """The usual rate that explains what the clock tells, where it does so better than the file's, which is far off."""
+    """The usual rate that explains the evidence, if the file's rate is far from it and explains it worse."""
     if not usual:
         return None
     best = min(usual, key=lambda rate: _apart(rate, clock.fps))

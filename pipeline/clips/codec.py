@@ -1,7 +1,7 @@
-"""Clips as bytes of an Arrow stream and back; the same motion gives the same bytes, whatever the clip's name.
+"""Encode clips as an Arrow stream and decode them; equal motions give equal bytes, regardless of the clip's name.
 
-One row a frame, one fixed-size-list column of float64 an array; rate and kind in the schema's metadata. The name
-is not in it: windows of one clip share its bytes, and the caller keeps the name beside the blob. `faults_of` checks
+One row per frame, one fixed-size-list column of float64 per array; rate and kind are in the schema's metadata. The name
+is not included: windows of one clip share its bytes, and the caller stores the name. `faults_of` checks
 that a clip's frames are finite, its quaternions unit and its shapes consistent.
 """
 
@@ -21,17 +21,17 @@ from pipeline.errors import PipelineError
 FORMAT = "booster-lab clip 3"
 
 SHAPES = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4), "foot_wrench_w": (-1, 2, 6)}
-"""Shape of an array; where none is given it is (t, n)."""
+"""Shapes of arrays; (t, n) for all others."""
 
 FORCES = tuple(field.name for field in dataclasses.fields(SimulatedForces))
 
 
 class CodecError(PipelineError):
-    """Bytes that are no clip of this format."""
+    """Raised for bytes that are not a clip of this format."""
 
 
 def encode(clip: HumanClip | RobotClip) -> bytes:
-    """Bytes of a clip without its name, not compressed: floats hardly shrink. Equal motions give equal bytes."""
+    """Bytes of a clip without its name, uncompressed, as floats hardly compress. Equal motions give equal bytes."""
     head: dict = {"format": FORMAT, "fps": clip.fps}
     arrays = _motion(clip)
     if isinstance(clip, HumanClip):
@@ -52,9 +52,9 @@ def encode(clip: HumanClip | RobotClip) -> bytes:
 
 
 def decode(data: bytes, name: str) -> HumanClip | RobotClip:
-    """The clip that `encode` was given, under a name, its arrays read-only: windows of one clip share them.
+    """Inverse of `encode`, with a name and read-only arrays, which windows of one clip share.
 
-    Raises CodecError for bytes that are no clip.
+    Raises CodecError for bytes that are not a clip.
     """
     try:
         return _decoded(data, name)
@@ -112,13 +112,13 @@ def _read_only(values: np.ndarray) -> np.ndarray:
 
 
 UNIT_TOLERANCE = 1e-6
-"""How far from 1 the length of a quaternion may be."""
+"""Largest deviation of a quaternion's norm from 1."""
 
 
 def faults_of(clip: Clip) -> list[str]:
     """Every fault of a clip's frames, each a sentence with the first frame it is found at; none for a sound clip.
 
-    A human clip must have its contacts labelled, a recording of a robot may not know them.
+    A human clip must have its contacts labelled, a robot's recording may lack them.
     """
     quats = clip.body_quat_w if isinstance(clip, HumanClip) else clip.root_quat_w
     faults = []

@@ -1,4 +1,4 @@
-"""A human motion on the canonical skeleton, whatever file it came from."""
+"""A human motion on the canonical skeleton, independent of the file format."""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -14,10 +14,10 @@ Own = TypeVar("Own", bound="Frames")
 
 
 class Frames(ABC):
-    """Base of the frozen dataclasses of clips: `fps`, `frame_count`, and arrays of one row a frame.
+    """Base of the frozen dataclasses of clips: `fps`, `frame_count`, and arrays of one row per frame.
 
     Booleans are labels; names with `quat` are rotations; other arrays are quantities. A nested object with a method
-    `cut` (simulated forces) belongs to its own rate.
+    `cut` (simulated forces) has its own rate.
     """
 
     fps: float

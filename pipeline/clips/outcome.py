@@ -1,4 +1,4 @@
-"""The result of a stage for one clip: the pieces that are kept, the reasons, and the numbers; labels of skills."""
+"""The result of a stage for one clip: kept pieces, reasons and numbers. Labels of skills."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,21 +15,21 @@ Numbers = Mapping[str, Number]
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """One fact that was found, and what followed from it."""
+    """One finding and its effect."""
 
     code: str
     """Short name for counting: `teleport`, `joint_limit`, `excluded_by_person`."""
     text: str
-    """A message for people, with place, value and limit."""
+    """A message with location, value and limit."""
     effect: str
     """`rejected` (the clip or stretch is not kept), `repaired` (changed and kept) or `noted`."""
     start_s: float | None = None
     """Where it starts in the clip [s]; None for the whole clip."""
     stop_s: float | None = None
     value: float | None = None
-    """The number that was measured."""
+    """The measured value."""
     limit: float | None = None
-    """The number that it was compared with."""
+    """The limit that it was compared with."""
     unit: str = ""
 
     @classmethod
@@ -73,7 +73,7 @@ SKILLS: tuple[str, ...] = (
     "walk_fast_jog",
     "run",
 )
-"""What a window can show."""
+"""Labels of windows."""
 
 TRANSITION = "transition"
 """Label of frames between two skills that are neither."""

@@ -1,4 +1,4 @@
-"""A motion of a robot: root and joints over time, joints in the robot file's order."""
+"""A motion of a robot: root pose and joint angles over time, joints in the robot file's order."""
 
 from dataclasses import dataclass
 
@@ -45,7 +45,7 @@ class RobotClip(Frames):
     joint_pos: Float[np.ndarray, "t j"]
     """Joint positions [rad]."""
     contacts: Bool[np.ndarray, "t 2"] | None = None
-    """Foot meant to be on the ground, (left, right); None where the source does not say."""
+    """Intended foot contacts, (left, right); None if the source does not state them."""
     forces: SimulatedForces | None = None
     """Forces of the simulation that made the motion; None for any other motion."""
 

@@ -1,4 +1,4 @@
-"""The expert motion database that adversarial imitation is trained on: its frames, files and licences."""
+"""The expert motion database for adversarial imitation: its frames, files and licences."""
 
 from pipeline.expert.frames import Column, columns, expert_frames
 from pipeline.expert.history import DatabaseLossError, DatabaseSettings

@@ -1,4 +1,4 @@
-"""A clip JSON of the database, back as a robot clip."""
+"""Read a clip JSON of the database as a robot clip."""
 
 import dataclasses
 from pathlib import Path
@@ -14,15 +14,15 @@ from pipeline.files.csv_json import read_json
 from pipeline.robot import Robot
 
 FACTS = ("Skill", "MotionWeight", "LoopMode", "Licence")
-"""Keys of the file that a person wants to see."""
+"""Keys of the file that are shown to the user."""
 MAX_FPS = 1_000.0
-"""[Hz]"""
+"""Highest accepted frame rate [Hz]."""
 
 
 def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, Any]]:
-    """The clip and its facts (`FACTS`). Joints that the database does not hold are in their default position.
+    """Read the clip and its facts (`FACTS`). Joints that are not in the database have their default position.
 
-    Columns are found by name. Raises FileError for a file that is no clip of a database for `robot`.
+    Columns are found by name. Raises FileError if the file is not a database clip of `robot`.
     """
     content = read_json(path, "a clip of an expert database")
     try:

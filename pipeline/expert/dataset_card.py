@@ -1,4 +1,4 @@
-"""The dataset card of a database (README.md): what is in it, from where, under which licences, how it was made."""
+"""The dataset card of a database (README.md): content, sources, licences and processing stages."""
 
 import json
 import re
@@ -13,13 +13,13 @@ from pipeline.files.shown_text import cell
 FILE = "README.md"
 
 COLUMNS = ("source", "licence", "credit", "skill", "seconds", "variant", "stages")
-"""Columns of the index that the card is made of; `source`, `credit` and `variant` may be missing."""
+"""Columns of the index used for the card; `source`, `credit` and `variant` may be missing."""
 
 _TAG = re.compile(r"[A-Za-z0-9.+\-]{1,60}")
-"""A word that may stand in the YAML head; text of a file that looks otherwise stays in the tables."""
+"""Words allowed in the YAML front matter; other text from files appears in the tables only."""
 
 _DIGITS = 12
-"""Digits of a digest that are shown."""
+"""Number of digits shown of a digest."""
 
 STAGES = {
     "motion_catalog": "files read and measured",
@@ -31,18 +31,18 @@ STAGES = {
     "augmented_motions": "tracked by a policy in simulation, undisturbed and disturbed",
     "feasible_motions": "feasibility evaluated, weights balanced",
 }
-"""What each stage of the project does."""
+"""Stage -> what it does."""
 
 MOST_SOURCES = 200
-"""Rows of the table of sources; more are summed up."""
+"""Most rows of the table of sources; further sources are summed up."""
 
 
 def dataset_card(head: Mapping[str, Any], index: pd.DataFrame) -> str:
-    """The card as Markdown, with the YAML head that dataset hubs read; the same text for the same clips.
+    """The card as Markdown, with YAML front matter for dataset hubs; equal clips give equal text.
 
     Args:
-        head: the manifest; of it robot, frames, stages and schema are used
-        index: the clips that the card is of, all of the database's or some; of its columns `COLUMNS` are used
+        head: the manifest; robot, frames, stages and schema are used
+        index: rows of the clips that the card describes; the columns `COLUMNS` are used
     """
     robot = str(head["robot"])
     licences = sorted({str(licence) for licence in index["licence"]})
@@ -72,7 +72,7 @@ def dataset_card(head: Mapping[str, Any], index: pd.DataFrame) -> str:
 
 
 def _by(index: pd.DataFrame, columns: list[str]) -> list[list[Any]]:
-    """Rows of groups: the columns, then seconds and clips."""
+    """One row per group of equal `columns`: their values, then seconds and number of clips."""
     filled = index.assign(**{name: index[name].fillna("") if name in index else "" for name in columns})
     groups = filled.groupby(columns, sort=True)["seconds"].agg(["sum", "count"]).reset_index()
     return [[*row[:-2], f"{row[-2]:.1f}", int(row[-1])] for row in groups.itertuples(index=False, name=None)]
@@ -91,7 +91,7 @@ def _sources(index: pd.DataFrame) -> list[list[Any]]:
 
 
 def _stages(head: Mapping[str, Any], index: pd.DataFrame) -> list[list[str]]:
-    """Stages in the order in which clips went through them; of a database whose clips do not say it, all there are."""
+    """Stages in the order in which clips passed them; all stages if the clips do not state theirs."""
     texts = index["stages"].dropna().unique() if "stages" in index else ()
     found = dict.fromkeys(stage for text in texts for stage in _stages_of(text))
     if not found:
@@ -113,7 +113,7 @@ def _stages_of(text: str) -> Iterable[tuple[str, str, str]]:
 
 
 def _variants(index: pd.DataFrame) -> list[str]:
-    """The table of recorded and augmented clips, where the clips say which they are."""
+    """The table of recorded and augmented clips, if the clips state their variant."""
     if "variant" not in index or index["variant"].isna().to_numpy().all():
         return []
     return [_table(["variant", "seconds", "clips"], _by(index, ["variant"]))]

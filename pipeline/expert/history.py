@@ -1,8 +1,8 @@
-"""Earlier versions of a database, kept beside it, and the one that comes back.
+"""History of a database: earlier versions next to it, and restoring one of them.
 
-`.<name>.history/` beside the database holds a folder a version, `<number>-<digest>`: the number grows with time, the
-digest is the first digits of the manifest's. `-refused` ends the name of a version that lost too much to take the place
-of the one before it. A version is a whole database; nothing in it is rewritten.
+`.<name>.history/` next to the database has one folder per version, `<number>-<digest>`: the number increases with time,
+the digest is the start of the manifest's digest. The suffix `-refused` marks a version that was not put in place
+because it lost too much. A version is a complete database and is never modified.
 """
 
 import contextlib
@@ -21,9 +21,9 @@ from pipeline.files.ranges import SHARE, Range
 from pipeline.files.sourced import Unit
 
 REFUSED = "-refused"
-"""End of the name of a version that never was in place."""
+"""Suffix of a version that was never in place."""
 KEPT_REFUSED = 2
-"""Refused versions that are kept."""
+"""Number of refused versions that are kept."""
 DIGITS = 12
 _NAME = re.compile(rf"(\d{{4,}})-([0-9a-f]{{{DIGITS}}})({REFUSED})?")
 
@@ -33,9 +33,9 @@ class DatabaseSettings:
     """`data/database.yaml`."""
 
     max_lost_share: Annotated[float, SHARE, Unit("share")]
-    """Largest share of the clips, or of the seconds, of the database in place that a new one may lack."""
+    """Largest share of clips or seconds that a new database may lose relative to the current one."""
     kept_versions: Annotated[int, Range(1, 1000)]
-    """Earlier versions that are kept."""
+    """Number of earlier versions that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,16 +43,16 @@ class Version:
     """One version of a database."""
 
     name: str
-    """As `restore` takes it; of the one in place `current`."""
+    """Name for `restore`; `current` for the current database."""
     folder: Path
     clips: int
     seconds: float
     by_source: dict[str, int]
-    """Name of a source -> its clips."""
+    """Name of a source -> number of its clips."""
 
 
 class DatabaseLossError(PipelineError):
-    """A new database that lacks more of the one in place than `data/database.yaml` allows."""
+    """Raised if a new database loses more than `data/database.yaml` allows."""
 
     def __init__(self, folder: Path, new: Version, old: Version, max_lost_share: float):
         fewer = [
@@ -69,12 +69,12 @@ class DatabaseLossError(PipelineError):
 
 
 def history_folder(folder: Path) -> Path:
-    """Where the earlier versions of the database in `folder` are."""
+    """Folder of the earlier versions of the database in `folder`."""
     return swap.beside(folder, "history")
 
 
 def read_versions(folder: Path) -> list[Version]:
-    """The earlier versions of a database, the newest first; what is no database among them is passed over."""
+    """The earlier versions of a database, the newest first; other entries of the folder are ignored."""
     found = []
     for path in history_folder(folder).glob("*"):
         if _NAME.fullmatch(path.name) and path.is_dir():
@@ -86,7 +86,7 @@ def read_versions(folder: Path) -> list[Version]:
 
 
 def describe(folder: Path, name: str) -> Version:
-    """Counts of a database as its manifest states them. Raises FileError where there is no readable manifest."""
+    """Counts of a database from its manifest. Raises FileError if there is no readable manifest."""
     path = folder / manifest.FILE
     try:
         head: dict[str, Any] = read_json(path)
@@ -98,9 +98,9 @@ def describe(folder: Path, name: str) -> Version:
 
 
 def compare(folder: Path, part: Path, max_lost_share: float) -> DatabaseLossError | None:
-    """Why the new database in `part` may not take the place of the one in `folder`; None where it may.
+    """The error if the new database in `part` may not replace the one in `folder`; None if it may.
 
-    Where the one in place has no readable manifest, the newest version that was in place before is compared.
+    If the current one has no readable manifest, the newest version that was in place before is compared.
     """
     before = [each for each in read_versions(folder) if not each.name.endswith(REFUSED)]
     with contextlib.suppress(FileError):
@@ -115,7 +115,7 @@ def compare(folder: Path, part: Path, max_lost_share: float) -> DatabaseLossErro
 
 
 def keep(folder: Path, version: Path, *, refused: bool = False) -> Path:
-    """Move a database of the same disk into the history of `folder`; where it is now."""
+    """Move a database (same file system) into the history of `folder`; return its new path."""
     history = history_folder(folder)
     history.mkdir(parents=True, exist_ok=True)
     target = history / (_next_name(folder, version) + (REFUSED if refused else ""))
@@ -128,7 +128,7 @@ def keep(folder: Path, version: Path, *, refused: bool = False) -> Path:
 
 
 def prune(folder: Path, kept_versions: int) -> None:
-    """Remove the oldest versions beyond `kept_versions`; of the refused ones the newest few are kept."""
+    """Remove all but the newest `kept_versions` versions and the newest `KEPT_REFUSED` refused ones."""
     versions = [path for path in history_folder(folder).glob("*") if _NAME.fullmatch(path.name)]
     versions.sort(key=_number, reverse=True)
     were_in_place = [path for path in versions if not path.name.endswith(REFUSED)]
@@ -138,12 +138,12 @@ def prune(folder: Path, kept_versions: int) -> None:
 
 
 def restore(folder: Path, name: str, approved: Path | None = None) -> Version:
-    """Put a version in place; the one that was there becomes the newest of the history.
+    """Restore a version; the current database becomes the newest version of the history.
 
-    `approved` is the file of approved changes: the version counts as restored while that stays as it is.
+    `approved` is the file of approved changes: the version counts as restored while that file is unchanged.
 
-    Raises UnknownNameError, DatabaseError where the version is not whole, FileError where the disk refuses or another
-    process writes the database. In each case the database in place is unchanged.
+    Raises UnknownNameError, DatabaseError if the version is incomplete, FileError on disk errors or if another process
+    writes the database. In each case the current database is unchanged.
     """
     versions = {each.name: each for each in read_versions(folder)}
     if name not in versions:
@@ -155,7 +155,7 @@ def restore(folder: Path, name: str, approved: Path | None = None) -> Version:
 
 
 def was_restored(folder: Path, approved: Path | None = None) -> bool:
-    """Whether a person put the version in place there, and nothing else was approved since."""
+    """Whether the current database was restored by a person and nothing else was approved since."""
     try:
         return _restored_note(folder).read_text(encoding="utf-8") == _restored_as(folder, approved)
     except OSError:
@@ -163,12 +163,12 @@ def was_restored(folder: Path, approved: Path | None = None) -> bool:
 
 
 def _restored_note(folder: Path) -> Path:
-    """The file beside a database that says what was restored last."""
+    """The file next to a database that records the last restored version."""
     return swap.beside(folder, "restored")
 
 
 def _restored_as(version: Path, approved: Path | None) -> str:
-    """Digest of a version's manifest and of what was approved when it was restored."""
+    """Digest of a version's manifest and of the changes approved at the time of restoring."""
     answers = digest.of_file(approved) if approved is not None and approved.is_file() else ""
     return digest.of_json([digest.of_file(version / manifest.FILE), answers])
 

@@ -1,4 +1,4 @@
-"""`index.parquet`: a row a clip, its own facts first, then the numbers of the stages."""
+"""`index.parquet`: one row per clip with its own columns, then the numbers of the stages."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from pipeline.files.swap import current
 
 
 def database_version(folder: Path) -> str:
-    """Digest of the manifest. Raises FileError where a file is missing, changed or not stated."""
+    """Digest of the manifest. Raises FileError if a file is missing, changed or not listed."""
     folder = current(folder)
     path = folder / manifest.FILE
     if not path.is_file():
@@ -51,17 +51,17 @@ OWN_COLUMNS = {
     "loop_mode": pa.string(),
     "stages": pa.string(),
 }
-"""Columns every index has. `file` and `sha256` are those of the clip's JSON, `stages` is JSON."""
+"""Columns of every index. `file` and `sha256` describe the clip's JSON, `stages` is JSON."""
 
 RENAMED = {"file": "source_file", "file_sha256": "source_sha256"}
 """Numbers of the catalog that describe the source's file, and their names in the index."""
 
 MAX_ROWS, MAX_BYTES = 1_000_000, 2_000_000_000
-"""Clips of a database; bytes of its columns before they are decoded. A few kilobytes may claim any number."""
+"""Most clips of a database, and most decoded bytes of its columns; a small file may claim any number of them."""
 
 
 def read_table(path: Path, read_dictionary: Sequence[str] = ()) -> pd.DataFrame:
-    """The table in a file. Raises FileError: larger than allowed, or no Parquet; OSError of the disk."""
+    """Read a table. Raises FileError if it is too large or not Parquet, OSError on disk errors."""
     try:
         with pq.ParquetFile(path) as file:
             groups = [file.metadata.row_group(index) for index in range(file.metadata.num_row_groups)]
@@ -75,13 +75,13 @@ def read_table(path: Path, read_dictionary: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def row(numbers: Mapping[str, Any], **own: Any) -> dict[str, Any]:
-    """A clip's row. Its own facts win over numbers of the same name."""
+    """A clip's row; its own columns override numbers of the same name."""
     found = {RENAMED.get(name, name): value for name, value in numbers.items()}
     return {**found, **own, "licence_class": classify_licence(own["licence"]).label}
 
 
 def encode(rows: list[dict[str, Any]]) -> bytes:
-    """Parquet bytes of the rows; equal rows give equal bytes. Columns a row lacks are null there."""
+    """Parquet bytes of the rows; equal rows give equal bytes. Missing values are null."""
     others = sorted({name for entry in rows for name in entry} - set(OWN_COLUMNS))
     arrays = {name: pa.array([entry[name] for entry in rows], type=kind) for name, kind in OWN_COLUMNS.items()}
     arrays |= {name: _column([entry.get(name) for entry in rows]) for name in others}
@@ -91,9 +91,9 @@ def encode(rows: list[dict[str, Any]]) -> bytes:
 
 
 def _column(values: list[Any]) -> pa.Array:
-    """Whole numbers as int64, others as float64, truth values and texts as such; a mixture becomes text.
+    """Integers as int64, other numbers as float64, booleans and strings as such; a mixture becomes strings.
 
-    Null where a row has none: a reader that knows no null integers (pandas' default) makes such a column float.
+    Missing values are null; readers without nullable integers (pandas' default) convert such a column to float.
     """
     kinds = {type(value) for value in values if value is not None}
     if kinds == {int}:

@@ -1,4 +1,4 @@
-"""How strict a licence is, and what a database made of several may be used for."""
+"""Classification of licences by strictness, and the allowed use of a database with several licences."""
 
 import enum
 import re
@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 
 class LicenceClass(enum.IntEnum):
-    """Kinds of licence, the strictest last. A database may be used as its strictest clip may.
+    """Classes of licences, the strictest last. The strictest clip determines the allowed use of a database.
 
-    A licence that is not understood is the strictest of all: nothing may be taken for granted.
+    An unknown licence is the strictest class.
     """
 
     PUBLIC_DOMAIN = 0
@@ -25,7 +25,7 @@ class LicenceClass(enum.IntEnum):
 
     @property
     def allowed_use(self) -> str:
-        """What one may do with a database whose strictest clip is of this class."""
+        """Allowed use of a database whose strictest clip has this class."""
         return _ALLOWED_USE[self]
 
 
@@ -48,10 +48,10 @@ _PATTERNS = (
     (LicenceClass.PERMISSIVE, r"\bmit\b|apache|\bbsd\b|\bisc\b|free for research and commercial"),
     (LicenceClass.PUBLIC_DOMAIN, r"\bcc0\b|public domain|unlicense"),
 )
-"""Looked for in this order, so that the strictest word of a licence decides."""
+"""Searched in this order, so that the strictest word of a licence decides."""
 
 _CREATIVE_COMMONS = re.compile(r"^cc[- ]by([- ]nc)?([- ](?:nd|sa))?\b")
-"""A text that begins with a Creative Commons name is that licence, whatever follows it."""
+"""A text that begins with a Creative Commons name is that licence, regardless of the rest."""
 
 _WHOLE_NAMES = {
     LicenceClass.PUBLIC_DOMAIN: ("cc0-1.0", "cc0", "unlicense", "public domain"),
@@ -60,9 +60,9 @@ _WHOLE_NAMES = {
 
 
 def classify_licence(text: str | None) -> LicenceClass:
-    """The class of a licence given as an SPDX identifier or in words; what isn't understood is UNKNOWN.
+    """The class of a licence given as an SPDX identifier or in words; UNKNOWN if it isn't recognized.
 
-    In words the strictest of the words found decides: "MIT repo; human source not stated" is UNKNOWN.
+    In words, the strictest one found decides: "MIT repo; human source not stated" is UNKNOWN.
     """
     plain = re.sub(r"[_\s]+", " ", (text or "").strip().lower())
     for kind, names in _WHOLE_NAMES.items():
@@ -77,5 +77,5 @@ def classify_licence(text: str | None) -> LicenceClass:
 
 
 def strictest(licences: Iterable[str | None]) -> LicenceClass:
-    """The strictest class among the licences of a database's clips; of none, public domain."""
+    """The strictest class among the licences of a database's clips; public domain if there are none."""
     return max((classify_licence(text) for text in licences), default=LicenceClass.PUBLIC_DOMAIN)

@@ -1,4 +1,4 @@
-"""`manifest.json`: what a database is, what is in it, and what it may be used for."""
+"""`manifest.json`: description, content and allowed use of a database."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from pipeline.robot import Robot
 FILE = "manifest.json"
 
 SCHEMA = "booster-lab expert database 1"
-"""Raised when a reader of the old one could misread the new one."""
+"""Version of the format, incremented when older readers could misread a database."""
 
 
 SEAL = "sha256"
@@ -21,7 +21,7 @@ SEAL = "sha256"
 
 
 def facts(rows: list[dict[str, Any]], robot: Robot, stages: Mapping[str, Any]) -> dict[str, Any]:
-    """What the manifest says of the index's rows; `sealed` adds the files."""
+    """Manifest entries computed from the index's rows; `sealed` adds the files."""
     licences = sorted({entry["licence"] for entry in rows})
     worst = strictest(licences)
     return {
@@ -44,14 +44,14 @@ def facts(rows: list[dict[str, Any]], robot: Robot, stages: Mapping[str, Any]) -
 
 
 def frame_facts(robot: Robot) -> dict[str, Any]:
-    """What the manifest says of all frames."""
+    """Manifest entries about the frames."""
     return {"frame_duration_s": 1.0 / FPS, "frame_columns": len(columns(robot))}
 
 
 def sealed(folder: Path, head: Mapping[str, Any], written: Mapping[str, str]) -> dict[str, Any]:
-    """The manifest: its facts, the digest of each file in `folder` but itself, and the digest of all that.
+    """The manifest: `head`, the digest of each other file in `folder`, and the digest of all that.
 
-    Files whose digest `written` has by their name are not read.
+    Files whose digest is in `written` (name -> digest) are not read.
     """
     names = sorted(path.name for path in folder.iterdir() if path.name != FILE)
     content = {**head, "files": {name: written.get(name) or digest.of_file(folder / name) for name in names}}
@@ -59,12 +59,12 @@ def sealed(folder: Path, head: Mapping[str, Any], written: Mapping[str, str]) ->
 
 
 def seal_of(head: Mapping[str, Any]) -> str:
-    """Digest of everything else that a manifest says."""
+    """Digest of a manifest without its own digest."""
     return digest.of_json({key: value for key, value in head.items() if key != SEAL})
 
 
 def broken_seal(head: Mapping[str, Any]) -> str | None:
-    """What is wrong with the digest that a manifest carries of itself; None if nothing is."""
+    """Error in the manifest's own digest; None if it is correct."""
     if SEAL not in head:
         return f"carries no digest of itself ('{SEAL}')"
     try:

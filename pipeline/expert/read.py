@@ -1,4 +1,4 @@
-"""Reading a database, and every fault of one that is not whole."""
+"""Read a database and report all its faults."""
 
 import os
 from collections.abc import Callable
@@ -22,11 +22,11 @@ CLIP_KEYS = ("FrameDuration", "MotionWeight", "LoopMode", "Robot", "Skill", "Lic
 LOOP_MODES = ("Clamp", "Wrap")
 QUATERNION = slice(3, 7)
 STAGES = "stages"
-"""The index's longest texts, which hardly differ from clip to clip: each is kept once."""
+"""Column of the index with the longest texts; equal texts are stored once in memory."""
 
 
 class DatabaseError(PipelineError):
-    """A folder that is no whole database; every fault with its file's name."""
+    """Raised for an invalid database; lists every fault with its file's name."""
 
     def __init__(self, folder: Path, faults: list[str]):
         self.faults = tuple(faults)
@@ -36,7 +36,7 @@ class DatabaseError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class DatabaseClip:
-    """One clip as it lies in the database."""
+    """One clip of the database."""
 
     name: str
     weight: float
@@ -47,8 +47,7 @@ class DatabaseClip:
 
 @dataclass(frozen=True, kw_only=True)
 class Contents:
-    """What a whole database says of itself: every file is there, has the digest the manifest states and says what it
-    must."""
+    """Manifest and index of a database that was checked: all files exist, match their digests and are valid."""
 
     manifest: dict[str, Any]
     index: pd.DataFrame
@@ -56,30 +55,30 @@ class Contents:
 
 @dataclass(frozen=True, kw_only=True)
 class Database(Contents):
-    """A whole database with its frames."""
+    """A checked database with its frames."""
 
     clips: tuple[DatabaseClip, ...]
     """In the index's order."""
 
 
 def read_database(folder: Path) -> Database:
-    """The database in `folder`. Raises DatabaseError that lists every fault of every file."""
+    """Read the database in `folder`. Raises DatabaseError with every fault of every file."""
     clips: list[DatabaseClip] = []
     head, table = _read(folder, clips.append)
     return Database(manifest=head, index=table, clips=tuple(clips))
 
 
 def check_database(folder: Path, *, frames: bool = True) -> Contents:
-    """What is in `folder`, each clip of it read and let go. Raises what `read_database` raises.
+    """Check a database without keeping its clips in memory. Raises DatabaseError as `read_database` does.
 
-    Without `frames` no clip is read: each file has the digest that the manifest states, and the index is whole.
+    Without `frames` no clip is parsed: only digests, manifest and index are checked.
     """
     head, table = _read(folder, (lambda clip: None) if frames else None)
     return Contents(manifest=head, index=table)
 
 
 def _read(folder: Path, take: Callable[[DatabaseClip], None] | None) -> tuple[dict[str, Any], pd.DataFrame]:
-    """Manifest and index of the database in `folder`, its clips given to `take` in the index's order."""
+    """Read manifest and index of the database in `folder`, and pass its clips to `take` in the index's order."""
     folder = current(folder)
     faults: list[str] = []
     head = _read_manifest(folder, faults)
@@ -89,7 +88,7 @@ def _read(folder: Path, take: Callable[[DatabaseClip], None] | None) -> tuple[di
     table = _read_index(folder, faults)
     if table is not None:
         if len(table) != head["clips"]:
-            faults.append(f"{index.FILE}: has {len(table)} clips, the manifest says {head['clips']}")
+            faults.append(f"{index.FILE}: has {len(table)} clips, the manifest states {head['clips']}")
         for name, file in zip(table["clip"], table["file"], strict=True):
             if take is None:
                 if file not in head["files"]:
@@ -154,11 +153,14 @@ def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
 
 
 def read_clip(folder: Path, name: str, clip: str, head: dict[str, Any], faults: list[str]) -> DatabaseClip | None:
-    """The clip in the file `name`, of which every fault is added to `faults`; None where it has no frames.
+    """Read the clip in the file `name`; None if it has no valid frames.
 
     Args:
+        folder: folder of the database
+        name: file name
         clip: the clip's name
-        head: what the manifest says of all frames: `frame_columns`, `frame_duration_s`
+        head: the manifest; `frame_columns` and `frame_duration_s` are used
+        faults: list to which every fault is appended
     """
     path = folder / name
     if Path(name).name != name or path.is_symlink() or not path.is_file():
@@ -201,7 +203,7 @@ def _frames(name: str, content: dict[str, Any], head: dict[str, Any], faults: li
 
 
 def faults_of_frames(name: str, frames: Float[np.ndarray, "t c"]) -> list[str]:
-    """Faults of the numbers in the file `name`: not finite, or a quaternion that is not unit."""
+    """Faults of the frames in the file `name`: values that are not finite, quaternions that are not unit."""
     faults = []
     if not np.isfinite(frames).all():
         faults.append(f"{name}: frame {int(np.argwhere(~np.isfinite(frames))[0, 0])} has a number that is not finite")
@@ -213,7 +215,7 @@ def faults_of_frames(name: str, frames: Float[np.ndarray, "t c"]) -> list[str]:
 
 
 def _fast_json(path: Path) -> Any:
-    """The value of a file in a quarter of the time that `read_json` takes; None where that is to name its fault."""
+    """Parse a file four times as fast as `read_json`; None on any error, which `read_json` then reports."""
     try:
         return msgspec.json.decode(path.read_bytes()) if path.stat().st_size <= MAX_JSON_BYTES else None
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, OSError):

@@ -1,7 +1,7 @@
-"""Can a classifier tell motions from what the simulated robot does? The held-out accuracy of a small network.
+"""Realizability: held-out accuracy of a small network that classifies motions and simulated rollouts.
 
-0.5 is indistinguishable, 1.0 means that no policy that obeys physics can look like the motions: an adversarial
-discriminator then gives no useful signal (the two-sample test of Lopez-Paz and Oquab, ICLR 2017).
+0.5 means indistinguishable. 1.0 means that no physically simulated motion resembles the motions, so an adversarial
+discriminator gives no useful signal (classifier two-sample test, Lopez-Paz and Oquab, ICLR 2017).
 """
 
 import itertools
@@ -20,23 +20,23 @@ from pipeline.files import digest
 from pipeline.robot import Robot
 
 NAME, ACCURACY = "realizability", "accuracy"
-"""Of the stored answer."""
+"""Names of the memo's stage and of its number."""
 WINDOW = 10
-"""Frames of a window at 50 Hz."""
+"""Length of a window [frames at 50 Hz]."""
 STEP = 5
-"""Frames from the start of a window to the next."""
+"""Distance between the starts of windows [frames]."""
 HIDDEN = (256, 128)
 STEPS, BATCH, LEARNING_RATE = 400, 512, 1e-3
 TESTED_SHARE = 0.3
-"""Share of the families that accuracy is measured on."""
+"""Share of the families in the test set."""
 REFERENCES = 60
-"""References of which a rollout under another seed is made ..."""
+"""Number of references that are rolled out with another seed."""
 SECONDS = 6.0
-"""... of this length at most [s]."""
+"""Longest such rollout [s]."""
 
 
 class TooFewMotionsError(PipelineError):
-    """Too few families of motions to hold some out."""
+    """Raised if there are too few families for a held-out test set."""
 
 
 def accuracy_against_rollouts(
@@ -49,20 +49,19 @@ def accuracy_against_rollouts(
     log: logging.Logger,
     seed: int = 0,
 ) -> float:
-    """Held-out accuracy between clips and rollouts of their references under another seed.
+    """Held-out accuracy between clips and rollouts of their references with another seed.
 
-    A reference that was rolled out before is not rolled out again, and a classifier that was trained on the same clips
-    before is not trained again.
+    Rollouts and accuracies are cached.
 
     Args:
-        clips: whose numbers name the `reference`, or that are references themselves
-        references: motions that were tracked
-        stage: makes the rollouts under the other seed
-        robot: that moves
-        store: with the motions of both manifests
-        pool: that the rollouts are spread over
-        log: of the stage
-        seed: of the choice of references, of split, network and batches
+        clips: clips whose numbers name the `reference`, or references themselves
+        references: tracked motions
+        stage: stage that makes the rollouts with the other seed
+        robot: robot of the clips
+        store: store with the motions of both manifests
+        pool: processes for the rollouts
+        log: log function of the stage
+        seed: seed of the choice of references, the split, the network and the batches
 
     Raises TooFewMotionsError.
     """
@@ -92,7 +91,7 @@ def _by_family(entries: Iterable[Entry], store: Store) -> dict[str, list[RobotCl
 
 
 def _chosen(references: Sequence[Entry], seed: int) -> list[Entry]:
-    """`REFERENCES` of the references, by digests of their names: a new one takes the place of at most one other."""
+    """Select `REFERENCES` references by digests of their names, so that a new one replaces at most one other."""
     return sorted(references, key=lambda entry: digest.of_json([seed, entry.clip]))[:REFERENCES]
 
 
@@ -103,12 +102,12 @@ def _clip(entry: Entry, store: Store) -> RobotClip:
 
 
 def _reference(entry: Entry) -> str:
-    """The name of the reference that a clip tracked, or its own."""
+    """Name of the reference that a clip tracked, or the clip's own name."""
     return str(entry.numbers.get("reference") or entry.clip)
 
 
 def _family(clip: str) -> str:
-    """The source window that a clip comes from: its name before the first mark of a variant."""
+    """The source window of a clip: its name before the first variant suffix."""
     return clip.split("~")[0]
 
 
@@ -118,15 +117,15 @@ def held_out_accuracy(
     robot: Robot,
     seed: int,
 ) -> float:
-    """Balanced accuracy of a classifier of windows, on families that it was not trained on.
+    """Balanced accuracy of a window classifier on held-out families.
 
     Args:
         motions: clips by family; clips of one source motion are one family
-        rollouts: what the simulated robot does, by the same families
-        robot: whose clips they are
-        seed: of split, network and batches
+        rollouts: simulated rollouts by the same families
+        robot: robot of the clips
+        seed: seed of the split, the network and the batches
 
-    Raises TooFewMotionsError with less than four common families.
+    Raises TooFewMotionsError with fewer than four common families.
     """
     families = sorted(set(motions) & set(rollouts))
     if len(families) < 4:
@@ -147,7 +146,8 @@ def held_out_accuracy(
 
 
 def windows(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "w f"]:
-    """Windows of a 50 Hz clip: joints, their velocities, root height, and gravity and velocities in the root frame."""
+    """Windows of a 50 Hz clip: joint angles and velocities, root height, and gravity and velocities in the root
+    frame."""
     moved = robot.controlled_index
     features = np.concatenate(
         [
@@ -169,8 +169,8 @@ def windows(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "w f"]:
 
 
 def _accuracy(train: Sequence[np.ndarray], test: Sequence[np.ndarray], seed: int) -> float:
-    """Of a network trained on windows of both kinds; on one thread, which for so small a network is as fast as several
-    and does not depend on what else the machine does."""
+    """Accuracy of a network trained on windows of both kinds; on one thread, which is as fast as several for such a
+    small network and independent of the machine's load."""
     import torch
 
     threads = torch.get_num_threads()

@@ -1,12 +1,12 @@
-"""What a training run needs, as plain files that a GPU host can read without the rest of the project.
+"""Write a training bundle: plain files for a training run on a GPU host without the rest of the project.
 
 <folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
 <folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
 <folder>/adapted_robot/<robot>/  the robot's own folder, for validation
-<folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
-<folder>/tracker.npz   the tracker, where the project has one
-<folder>/references.npz  clips that it follows, with the velocity of its undisturbed rollouts
-<folder>/bundle.json   digests of robot and database, and what the database may be used for
+<folder>/expert.npz    frames of the expert database; start, weight and commands of each clip
+<folder>/tracker.npz   the tracker, if the project has one
+<folder>/references.npz  clips that the tracker follows, with the velocity of its nominal rollouts
+<folder>/bundle.json   digests of robot and database, and the database's allowed use
 """
 
 import io
@@ -35,19 +35,19 @@ from pipeline.simulation.run import fall_height
 
 SCHEMA = "booster-lab training bundle 2"
 ROBOT = "adapted_robot"
-"""Where the robot's folder is."""
+"""Subfolder with the robot's folder."""
 COMMAND_WINDOW_S = 1.0
-"""The command that a frame obeys is its velocity averaged over this time: about a stride."""
+"""Averaging time of the velocity that is a frame's command, about a stride [s]."""
 
 REFERENCE_PARTS = ("root_pos_w", "root_quat_w", "joint_pos")
 
 MIN_COMMAND = 0.12
-"""A frame slower than this on every axis [m/s, rad/s] obeys the command to stand."""
+"""Velocity on every axis below which a frame's command is to stand [m/s, rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedClip:
-    """A reference clip and its undisturbed rollout, frame for frame."""
+    """A reference clip and its nominal rollout at the same frames."""
 
     reference: RobotClip
     rollout: RobotClip
@@ -64,15 +64,15 @@ class TrackerFiles:
 def write_training_bundle(
     folder: Path, database_folder: Path, robot_folder: Path, tracker: TrackerFiles | None = None
 ) -> dict[str, Any]:
-    """Write a bundle; the content of its `bundle.json`.
+    """Write a bundle; return the content of its `bundle.json`.
 
     Args:
-        folder: where it goes
+        folder: output folder
         database_folder: the expert database
         robot_folder: the adapted robot (a folder with `actuators.csv`)
-        tracker: what distillation needs; None: the policy can only be trained from scratch
+        tracker: files for distillation; None: the policy can only be trained from scratch
 
-    Raises DatabaseError, RobotError and FileError for inputs that are not whole.
+    Raises DatabaseError, RobotError and FileError for incomplete inputs.
     """
     database, robot = read_database(database_folder), load_robot(robot_folder)
     files = {
@@ -105,7 +105,7 @@ def write_training_bundle(
 
 
 def augmented_by(variants: Iterable[str]) -> list[str]:
-    """Ways in which variants (`mirror~x0.9`, `step_width0.02`) were made of their originals, in words."""
+    """Words for the augmentations of variants (`mirror~x0.9`, `step_width0.02`)."""
     marks = {mark for variant in variants if variant != "original" for mark in variant.split("~")}
     ways = {re.sub(r"-?[0-9.]+$", "", mark).replace("_", " ") for mark in marks}
     usual = {"mirror": "mirror", "x": "time-scale"}
@@ -113,7 +113,7 @@ def augmented_by(variants: Iterable[str]) -> list[str]:
 
 
 def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
-    """What the training environment must know of a robot that its model doesn't say."""
+    """Data of a robot for the training environment that are not in its model."""
     motors = {each.joint: each for each in read_actuators(robot_folder)}
     known = [motors[name].dc_motor_no_load_speed == motors[name].dc_motor_no_load_speed for name in robot.joint_names]
     line = {"saturation_effort": "dc_motor_saturation_effort", "no_load_speed": "dc_motor_no_load_speed"}
@@ -148,7 +148,7 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
 
 
 def _shapes(robot: Robot) -> dict[str, list[str]]:
-    """Names of the collision shapes: of the feet, of the shanks, and of the rest those that are cheap to collide."""
+    """Names of the collision shapes: of the feet, of the shanks, and of the others those with cheap collision tests."""
     model = mujoco_model(robot)
     feet = {robot.link_names[robot.tree.site_link[robot.site(foot)]] for foot in robot.feet}
     shanks = {robot.human["left_shank"], robot.human["right_shank"]}
@@ -205,7 +205,7 @@ def _mean_speed(clip: RobotClip) -> float:
 
 
 def frame_commands(clip: DatabaseClip) -> Float[np.ndarray, "t 3"]:
-    """The command that each frame of a clip obeys."""
+    """Velocity command of each frame of a clip: forward, lateral [m/s], yaw rate [rad/s]."""
     return _commands(clip.frames[:, :3], clip.frames[:, 3:7])
 
 

@@ -1,9 +1,9 @@
-"""The database on disk: one JSON a clip, an index, a manifest. Same clips, same bytes.
+"""Write the database: one JSON per clip, an index, a manifest. Equal clips give equal bytes.
 
 <folder>/<clip file>.json    frames of one clip, in the form of Eq. (1)
-<folder>/index.parquet       a row a clip: quality, weight, skill, where it came from
-<folder>/README.md           the dataset card: sources, licences, seconds by skill, how it was made
-<folder>/manifest.json       what the database is, a digest of every file and of itself, what it may be used for
+<folder>/index.parquet       one row per clip: quality, weight, skill, origin
+<folder>/README.md           the dataset card: sources, licences, seconds by skill, stages
+<folder>/manifest.json       description, digest of every file and of itself, allowed use
 """
 
 import contextlib
@@ -37,22 +37,22 @@ from pipeline.robot import Robot
 HERE = ClipPool(backend="sequential")
 
 A_CALL = 16
-"""Clips that a process writes before it reports."""
+"""Clips per task of a writing process."""
 AT_A_TIME = 2048
-"""Clips whose entries are at hand at a time where several processes write."""
+"""Entries in memory when several processes write."""
 
 MAX_JOINT_STEP = 0.05
-"""Largest change of a joint over the seam [rad] beyond what one frame of motion makes (judgement: 2.5 rad/s)."""
+"""Largest jump of a joint from the end to the start of a loop [rad] (estimate: 2.5 rad/s)."""
 
 MAX_ROOT_STEP = 0.01
-"""Largest change of the root's height [m] and tilt [rad] over the seam (judgement: half a metre a second)."""
+"""Largest jump of the root's height [m] and tilt [rad] from the end to the start of a loop (estimate: 0.5 m/s)."""
 
 
 def loop_mode(clip: RobotClip) -> str:
-    """`Wrap` where the frame after the last could be the first, else `Clamp`.
+    """`Wrap` if the first frame can follow the last one, else `Clamp`.
 
-    Held against each other: joints, root height and gravity in the root frame one frame after the end
-    (continued at the end's velocity), and the same at the start. Place and heading may differ.
+    Joints, root height and gravity in the root frame, extrapolated by one frame from the end at constant velocity, are
+    compared with the first frame. Position and heading may differ.
     """
     if clip.frame_count < 3:
         return "Clamp"
@@ -65,18 +65,17 @@ def loop_mode(clip: RobotClip) -> str:
 
 
 MAX_LENGTH = 150
-"""Longest stem; with suffix and a digest it stays below the 255 bytes that file systems take."""
+"""Longest stem of a file name; with suffix and digest it is below the 255 bytes that file systems allow."""
 
 RESERVED = ("manifest",)
 """Stems of the database's own JSON files."""
 
 
 def file_name(clip: str) -> str:
-    """A file name for a clip: readable, below no folder, and different for different clips.
+    """A readable file name for a clip without folders, unique for each clip.
 
-    `/` becomes `__`. Where a name has to be changed beyond that (other characters, length, a leading dot,
-    a `__` of its own) a digest of it is added, so that no two clips share a file; so it is for capitals, since
-    some file systems do not tell them from small letters.
+    `/` becomes `__`. If a name needs further changes (other characters, length, a leading dot, its own `__`), a digest
+    of it is added so that it stays unique; also for capital letters, since some file systems ignore case.
     """
     plain = re.sub(r"[^a-zA-Z0-9._~@+-]", "_", clip.replace("/", "__")).lstrip(".") or "_"
     kept = plain == clip.replace("/", "__") and "__" not in clip and plain == plain.lower()
@@ -87,14 +86,15 @@ def file_name(clip: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredClip:
-    """A clip that whoever writes it takes from the store."""
+    """A clip in the store, which the writing process loads."""
 
     name: str
     blob: str
     store: Store
 
     def load(self) -> RobotClip:
-        """The clip. Raises FileError where the blob is missing or damaged, ClipError where it is no robot's motion."""
+        """Load the clip. Raises FileError if the blob is missing or damaged, ClipError if it is not a robot's
+        motion."""
         clip = self.store.get_clip(self.blob, self.name)
         if not isinstance(clip, RobotClip):
             raise ClipError(self.name, "kind", "is a human's motion; a database holds a robot's")
@@ -107,18 +107,18 @@ class ExpertEntry:
 
     clip: RobotClip | StoredClip
     weight: float
-    """`MotionWeight`: relative probability of being drawn; positive."""
+    """`MotionWeight`: relative sampling probability; positive."""
     skill: str
     licence: str
-    """Licence of the source, as it states it."""
+    """Licence as stated by the source."""
     numbers: Mapping[str, Any] = field(default_factory=dict)
-    """Numbers of the stages on the clip (flat, JSON types): quality and origin. Become columns of the index."""
+    """Numbers of the stages on the clip (flat, JSON types): quality and origin. They become columns of the index."""
     stages: Mapping[str, Any] = field(default_factory=dict)
-    """Version, digest of the settings and settings of each stage it went through, as JSON types."""
+    """Version, settings and their digest for each stage that the clip passed, as JSON types."""
 
 
 class NoClipsError(PipelineError):
-    """A database of no clips, which never takes the place of another one."""
+    """Raised for a database without clips, which never replaces another one."""
 
     def __init__(self, folder: Path):
         super().__init__(
@@ -136,19 +136,19 @@ def write_database(
     settings: history.DatabaseSettings | None = None,
     pool: ClipPool = HERE,
 ) -> Contents:
-    """Replace the database in `folder` by one of `entries`; its manifest and index, read back.
+    """Replace the database in `folder` by one of `entries`; return its manifest and index, read back.
 
-    Before it replaces the old one, the new one is checked: the frames that are encoded here, the clip files that
-    `_write_files` reads back, and every file's digest. The order of the entries doesn't matter; a few are written at a
-    time, as they come, and let go. Raises ClipError for an entry that can't be in the database (rate, joints, weight, a
-    name given twice), NoClipsError, DatabaseError where one of these checks finds a fault, and FileError when the disk
-    refuses; the previous database stays then.
+    The new database is checked before it replaces the old one: the frames that are encoded here, the clip files that
+    `_write_files` reads back, and every file's digest. The order of the entries doesn't matter; they are written in
+    batches and not kept in memory. Raises ClipError for an invalid entry (rate, joints, weight, duplicate name),
+    NoClipsError, DatabaseError if a check finds a fault, and FileError on disk errors; the previous database is then
+    unchanged.
 
     Args:
         stages: version and settings of each stage, for the manifest
-        settings: keep the old database in the history, and raise DatabaseLossError where the new one lost more than
-            they allow; without them the old one is removed, whatever it held
-        pool: processes that write clips; for more than one, entries should name stored clips
+        settings: keep the old database in the history, and raise DatabaseLossError if the new one loses more than they
+            allow; None: the old one is removed without a comparison
+        pool: processes that write clips; with several, entries should be stored clips
     """
     made: list[Contents] = []
     known = Known(folder=current(folder), written=read_written(folder, robot), made={})
@@ -165,7 +165,7 @@ def write_database(
         (part / manifest.FILE).write_text(json_text(text))
 
     def check(part: Path) -> None:
-        made.append(check_database(part, frames=False))  # frames were checked when they were first written
+        made.append(check_database(part, frames=False))  # frames were checked when they were written
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -187,18 +187,18 @@ def write_database(
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """Frames that need not be encoded again, and those of the database that is being written."""
+    """Cache of encoded frames: of the current database, and of the one being written."""
 
     folder: Path
-    """The database in place."""
+    """Folder of the current database."""
     written: Mapping[str, WrittenFrames]
-    """Blob of a clip -> its frames in the database in place."""
+    """Blob of a clip -> its frames in the current database."""
     made: dict[str, WrittenFrames]
     """Blob of a clip -> its frames in the new database."""
 
 
 def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
-    """The JSON of one clip: keys in a fixed order, a line a frame."""
+    """JSON of one clip: keys in a fixed order, one line per frame."""
     clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
     text = _frames_text(rounded(expert_frames(clip, robot), len(robot.controlled)))
     return _head(entry, loop_mode(clip), robot, _columns_text(robot)) + text
@@ -231,7 +231,7 @@ def _frames_text(frames: Float[np.ndarray, "t c"]) -> bytes:
 def _write_clips(
     part: Path, entries: Iterable[ExpertEntry], robot: Robot, pool: ClipPool, known: Known
 ) -> Iterator[dict[str, Any]]:
-    """A row of the index for each entry, written. Raises DatabaseError with the faults that `_write_files` found."""
+    """Write the clips and yield the index row of each. Raises DatabaseError with the faults from `_write_files`."""
     names: set[str] = set()
     texts: dict[str, str] = {}
     stages, stages_text = None, ""
@@ -253,7 +253,7 @@ def _write_clips(
                 known.made[entry.clip.blob] = own
             if entry.stages is not stages:
                 stages, text = entry.stages, json.dumps(entry.stages, sort_keys=True, allow_nan=False)
-                # Of what stages say of a clip only reasons are its own: equal texts are kept once.
+                # Texts about stages are mostly equal across clips: each is stored once.
                 stages_text = texts.setdefault(text, text)
             yield index.row(
                 entry.numbers,
@@ -273,7 +273,7 @@ def _write_clips(
 
 
 def _in_batches(entries: Iterable[ExpertEntry], pool: ClipPool) -> Iterator[list[ExpertEntry]]:
-    """One entry at a time where this process writes them, else as many as keep all processes at work for a while."""
+    """Batches of entries: one at a time if this process writes, else enough to keep all processes busy."""
     rest = iter(entries)
     size = 1 if pool.backend == HERE.backend else AT_A_TIME
     while few := list(itertools.islice(rest, size)):
@@ -281,22 +281,21 @@ def _in_batches(entries: Iterable[ExpertEntry], pool: ClipPool) -> Iterator[list
 
 
 def _blob(entry: ExpertEntry) -> str:
-    """The blob of a stored clip; empty for one that is at hand."""
+    """Blob digest of a stored clip; empty for a clip in memory."""
     return entry.clip.blob if isinstance(entry.clip, StoredClip) else ""
 
 
 Written = tuple[WrittenFrames, str, list[str]]
-"""Frames of a clip in a file, the file's digest and its faults."""
+"""Frames of a clip in a file, the file's digest, and its faults."""
 
 
 def _write_files(
     entries: list[tuple[ExpertEntry, WrittenFrames | None]], *, part: Path, robot: Robot, in_place: Path
 ) -> list[Written]:
-    """Entries written: those whose frames the database in place has are copied, others checked and encoded.
+    """Write entries: frames that are in the current database are copied, others are checked and encoded.
 
-    The first that is encoded is read back from the disk and checked whole. Reading all of them would take as long as
-    encoding them: of the others the frames are checked in memory, and the digest of the bytes is compared with that of
-    the file when all are written.
+    The first encoded file is read back from disk and fully checked. Reading back all files would take as long as
+    encoding them; for the others the frames are checked in memory, and the file's digest is compared at the end.
     """
     columns_text, head = _columns_text(robot), manifest.frame_facts(robot)
     copied = [written.text(in_place) if written else None for _, written in entries]
@@ -321,7 +320,7 @@ def _write_files(
 
 
 def _encoded(entries: Sequence[ExpertEntry], robot: Robot) -> Iterator[tuple[WrittenFrames, bytes, list[str]]]:
-    """The frames of each entry, their text and their faults."""
+    """Frames of each entry, their JSON text and their faults."""
     clips = [entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load() for entry in entries]
     for clip, frames in zip(clips, frames_of_clips(clips, robot), strict=True):
         frames = rounded(frames, len(robot.controlled))

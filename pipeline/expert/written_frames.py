@@ -1,7 +1,7 @@
-"""Frames as the database in place has them: a clip that did not change is not encoded again.
+"""Reuse encoded frames of the current database for unchanged clips.
 
-A clip's weight changes with every clip that is added, its frames do not. `.<name>.frames` beside the database notes of
-each clip of the store which text its frames became, by code and robot; the text itself is in the database in place.
+A clip's weight changes with every added clip, its frames do not. `.<name>.frames` next to the database records, for
+each stored clip, the digest of its frames' text, by code version and robot; the text itself is in the current database.
 """
 
 import dataclasses
@@ -18,22 +18,22 @@ from pipeline.files.csv_json import read_json
 from pipeline.robot import Robot
 
 FRAMES = b'"Frames": [\n'
-"""Where the frames begin in a clip's file; all before is its head."""
+"""Start of the frames in a clip's file; everything before is its head."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenFrames:
-    """The frames of one clip of the store, in a file of a database."""
+    """Encoded frames of a stored clip in a database file."""
 
     file: str
     text_sha256: str
-    """Digest of the file from `FRAMES` on."""
+    """Digest of the file's content from `FRAMES` on."""
     frames: int
     seconds: float
     loop_mode: str
 
     def text(self, folder: Path) -> bytes | None:
-        """The text of the frames from the database in `folder`; None where it is not there as it was."""
+        """The frames' text from the database in `folder`; None if it is missing or changed."""
         try:
             data = (folder / self.file).read_bytes()
         except OSError:
@@ -43,7 +43,8 @@ class WrittenFrames:
 
 
 def read_written(folder: Path, robot: Robot) -> dict[str, WrittenFrames]:
-    """What is noted beside the database in `folder`: blob of a clip -> its frames; nothing of other code or robot."""
+    """Read the record next to the database in `folder`: blob of a clip -> its frames; empty for another code or
+    robot."""
     try:
         found: Any = read_json(_path(folder))
         if found["of"] != _of(robot):
@@ -54,7 +55,7 @@ def read_written(folder: Path, robot: Robot) -> dict[str, WrittenFrames]:
 
 
 def note_written(folder: Path, robot: Robot, written: Mapping[str, WrittenFrames]) -> None:
-    """Note the frames of the clips of a database. Raises FileError where the disk refuses."""
+    """Write the record of a database's frames. Raises FileError on disk errors."""
     clips = {blob: dataclasses.asdict(each) for blob, each in written.items()}
     atomic.write_text(_path(folder), json.dumps({"of": _of(robot), "clips": clips}, sort_keys=True))
 

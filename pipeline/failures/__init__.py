@@ -1,1 +1,1 @@
-"""What went wrong in a log: kind, time, command, evidence, confidence."""
+"""Failures in a robot log: kind, time, command, evidence, confidence."""

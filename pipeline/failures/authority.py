@@ -1,8 +1,8 @@
-"""Motors that do not answer, and joints that are only damped after a fall: causes of stops that are not the policy's.
+"""Unresponsive motors, and joints that are only damped after a fall; neither is a failure of the policy.
 
-A motor answers when it gives a good share of the torque that its controller asks for, kp (target - position) - kd
-velocity, and does not when it gives next to nothing of it. Between two answers it is off: for a moment that is a
-flicker of its enable, for longer and with the joint far from its target a loss of authority.
+A motor is responsive if it produces a large share of the torque that its controller commands, kp (target - position) -
+kd velocity, and unresponsive if it produces almost none. An outage between two responses is a flicker of the motor's
+enable signal if it is short, and a loss of authority if it is longer and the joint is far from its target.
 """
 
 from collections.abc import Sequence
@@ -19,20 +19,20 @@ from pipeline.failures.signals import Signals
 from pipeline.robot import Robot
 
 DEAD_OF_FLICKER = 0.4
-"""Share of the shortest outage in which the motor must be commanded a torque and give none."""
+"""Share of the shortest outage in which torque must be commanded and none produced."""
 FAR_S = 0.1
-"""A joint whose motor lost its authority is far from its target for so long [s]."""
+"""Least time that a joint is far from its target in a loss of authority [s]."""
 USUAL_PERCENTILE = 95.0
-"""Percentile of the stiffness torque before the fall: a standing robot needs little."""
+"""Percentile of the stiffness torque before the fall that is its usual value; a standing robot needs little torque."""
 OF_LEGS = "of the legs"
-"""Name of the evidence: whether a leg joint is among them."""
+"""Key of the evidence: whether a leg joint is affected."""
 TOGETHER_S = 0.1
-"""Outages of joints that begin within this time are one [s]."""
+"""Time within which outages of several joints must begin to be merged [s]."""
 
 
 def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings: AuthoritySettings) -> list[Failure]:
-    """Stretches in which motors gave next to nothing, as `motor_flicker` or `authority_loss`; joints that are off
-    together are one. Empty where the log has no commands."""
+    """Stretches with almost no motor torque, as `motor_flicker` or `authority_loss`; simultaneous outages are merged.
+    Empty if the log has no joint commands."""
     trial = signals.trial
     asked = asked_torque(signals)
     error = np.abs(np.asarray(trial.target_pos, dtype=float) - trial.joint_pos)
@@ -58,7 +58,7 @@ def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings
 
 
 def outage_excuses(outages: Sequence[Failure]) -> list[Excuse]:
-    """What a robot does while motors of its legs are off, and just after, is not the policy's; arms excuse nothing."""
+    """Excuses for the time of outages of leg motors and just after; outages of arm motors are no excuse."""
     return [
         Excuse(start_s=each.time_s, stop_s=each.until_s, why=MOTORS_OFF, evidence={})
         for each in outages
@@ -73,7 +73,7 @@ def leg_joints(robot: Robot) -> frozenset[int]:
 
 
 def damped_after(signals: Signals, falls: Sequence[Failure], settings: AuthoritySettings) -> list[Failure]:
-    """For each fall, the interval after it in which joints are damped only: the stiffness torque is about zero."""
+    """The interval after each fall in which joints are only damped, i.e. the stiffness torque is about zero."""
     trial = signals.trial
     stiff = np.abs(trial.kp * (np.asarray(trial.target_pos, dtype=float) - trial.joint_pos)).sum(axis=1)
     known = np.isfinite(stiff)
@@ -98,7 +98,7 @@ def damped_after(signals: Signals, falls: Sequence[Failure], settings: Authority
 
 
 def _between(dead: np.ndarray, alive: np.ndarray) -> list[tuple[int, int]]:
-    """From the first to the last sample without response, where there is no response between them."""
+    """Stretches from the first to the last unresponsive sample without a response in between."""
     found = []
     edges = [-1, *np.flatnonzero(alive).tolist(), len(dead)]
     without = np.flatnonzero(dead)
@@ -110,7 +110,7 @@ def _between(dead: np.ndarray, alive: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _together(found: list[tuple[int, int, int, bool]], rate_hz: float) -> list[list[tuple[int, int, int, bool]]]:
-    """Outages of one kind that begin at about the same time."""
+    """Group outages of one kind that begin at about the same time."""
     groups: list[list[tuple[int, int, int, bool]]] = []
     for each in sorted(found, key=lambda one: (one[3], one[0])):
         last = groups[-1] if groups else None

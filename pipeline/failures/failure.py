@@ -1,4 +1,4 @@
-"""One thing that went wrong in a log: what, when, under which command, by which evidence, how surely."""
+"""One failure in a log: kind, time, command, evidence, confidence."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,8 +20,8 @@ KINDS: tuple[str, ...] = (
     "authority_loss",
 )
 NOT_OF_POLICY = ("held", "stopped", "damped", "motor_flicker", "authority_loss")
-"""What happened to a robot and is no failure of its policy: it was held by hand, stopped by its operator or damped
-after a fall; its motors were off for a moment, or gave almost none of the commanded torque."""
+"""Kinds of events that are not failures of the policy: the robot was held by hand, stopped by its operator or damped
+after a fall; its motors were off for a moment, or produced almost none of the commanded torque."""
 
 HELD, STOPPED = "held by hand", "stopped by the operator"
 DAMPED, MOTORS_OFF = "damped after a fall", "its motors did not answer"
@@ -29,32 +29,32 @@ DAMPED, MOTORS_OFF = "damped after a fall", "its motors did not answer"
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """A stretch of a trial in which something went wrong."""
+    """A failure in a stretch of a trial."""
 
     kind: str
     """One of `KINDS`."""
     time_s: float
-    """When it began, on the trial's clock [s]."""
+    """Start on the trial's clock [s]."""
     until_s: float
-    """When it ended [s]."""
+    """End on the trial's clock [s]."""
     command: tuple[float, float, float]
-    """Forward and lateral velocity [m/s] and yaw rate [rad/s] commanded at that time."""
+    """Forward and lateral velocity [m/s] and yaw rate [rad/s] commanded at the start."""
     confidence: float
-    """0 to 1: how surely it is this and not something else."""
+    """Confidence that the failure is of this kind, 0 to 1."""
     joint: str = ""
-    """The joint, where it is one joint's."""
+    """Name of the joint, if the failure concerns one joint."""
     direction: str = ""
-    """Where to: `forward`, `backward`, `left`, `right` of falls; the axis of a tracking divergence."""
+    """Direction of a fall (`forward`, `backward`, `left`, `right`), or axis of a tracking divergence."""
     command_known: bool = True
-    """Whether the log has the command; if not, the command is zeros and means nothing."""
+    """Whether the log has the command; if not, `command` is zero and meaningless."""
     excuse: str = ""
-    """Why it is not a failure of the policy; empty where it is one."""
+    """Why the policy is not responsible; empty if it is."""
     evidence: dict[str, float | bool | str] = field(default_factory=dict)
-    """What was measured, by name with unit."""
+    """Measured values by name with unit."""
 
     @property
     def of_policy(self) -> bool:
-        """Whether the policy is to answer for it."""
+        """Whether it is a failure of the policy."""
         return not self.excuse and self.kind not in NOT_OF_POLICY
 
     def text(self) -> str:
@@ -68,7 +68,7 @@ class Failure:
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "Failure":
-        """The failure that `settings.plain` made this of."""
+        """Inverse of `settings.plain`."""
         return Failure(**{**value, "command": tuple(value["command"])})
 
 

@@ -1,4 +1,4 @@
-"""Falls, from the attitude and from the robot's own fall state, the signals before them; stumbles and slipping feet."""
+"""Detect falls (from attitude and the robot's fall state), stumbles and slipping feet."""
 
 import numpy as np
 
@@ -9,17 +9,17 @@ from pipeline.failures.settings import ExcuseSettings, FallSettings, SlipSetting
 from pipeline.failures.signals import Signals
 
 FALLING = 1
-"""`/fall_down` from here on: falling, has fallen, getting up."""
+"""Least value of `/fall_down` that is a fall: falling, has fallen, getting up."""
 UPRIGHT_DEG = 20.0
-"""A robot that is tilted less has stood up again."""
+"""Tilt below which a robot has stood up again."""
 BOTH, ATTITUDE_ALONE, FLAG_ALONE = 0.99, 0.9, 0.5
-"""Confidence by who saw the fall."""
+"""Confidence of a fall by its evidence: attitude and fall state, attitude alone, fall state alone."""
 
 
 def falls(
     signals: Signals, settings: FallSettings, excused: tuple[Excuse, ...], excuse: ExcuseSettings
 ) -> list[Failure]:
-    """Each fall once, from its onset. A robot that is down when a trial begins has no fall until it has stood."""
+    """Each fall once, from its onset. A robot that is down when a trial begins cannot fall until it has stood up."""
     upright = np.flatnonzero((signals.tilt_deg < settings.onset_deg) & signals.known)
     if not len(upright):
         return []
@@ -34,7 +34,7 @@ def falls(
 
 
 def _apart(signals: Signals, tipped: list[int]) -> list[int]:
-    """Falls between which the robot stood up again."""
+    """Keep only falls between which the robot stood up again."""
     kept: list[int] = []
     for start in tipped:
         if not kept or np.any(signals.tilt_deg[kept[-1] : start] < UPRIGHT_DEG):
@@ -43,7 +43,7 @@ def _apart(signals: Signals, tipped: list[int]) -> list[int]:
 
 
 def _flags(signals: Signals) -> list[int]:
-    """Where the robot begins to say that it falls."""
+    """Samples at which the robot's fall state starts."""
     state = signals.trial.fall_state[:: signals.every]
     return [start for start, _ in time_series.runs(state >= FALLING)]
 
@@ -84,13 +84,13 @@ def _fall(
 
 
 def onset_of(signals: Signals, fallen: int, onset_deg: float) -> int:
-    """The last sample before a fall at which the trunk was upright."""
+    """Index of the last sample before a fall with the trunk tilted less than `onset_deg`."""
     upright = np.flatnonzero(signals.tilt_deg[: fallen + 1] < onset_deg)
     return int(upright[-1]) if len(upright) else 0
 
 
 def direction_of(signals: Signals, onset: int, fallen: int) -> str:
-    """Where the trunk leaned on its way down."""
+    """Direction in which the trunk leaned during the fall."""
     forward, left = signals.lean_b[onset : fallen + 1].mean(axis=0).tolist()
     if abs(forward) >= abs(left):
         return "forward" if forward > 0.0 else "backward"
@@ -98,7 +98,7 @@ def direction_of(signals: Signals, onset: int, fallen: int) -> str:
 
 
 def push_before(signals: Signals, onset: int, fallen: int, settings: FallSettings) -> float | None:
-    """Change of velocity [m/s] of the strongest push before a fall, by the accelerometer; None where none was."""
+    """Velocity change [m/s] of the strongest push before a fall, from the accelerometer; None without a push."""
     width = max(round(settings.push_width_s * signals.fps) | 1, 1)
     mean = time_series.moving_mean(signals.acceleration_w, width)
     strength = np.linalg.norm(mean, axis=1)
@@ -115,16 +115,15 @@ def push_before(signals: Signals, onset: int, fallen: int, settings: FallSetting
 
 
 LOW = 0.006
-"""A sole whose lowest corner is within this of the lower foot's is on the ground [m]."""
+"""Largest height of a sole's lowest corner over the lower foot's for a sole on the ground [m]."""
 FIRM_S = 0.05
-"""Time after touchdown and before lift-off that does not count as standing [s]."""
+"""Time after touchdown and before lift-off that does not count as stance [s]."""
 LOADED = 0.2
-"""Least share of the weight on a sole that stands: a foot that swings close to the ground is low and fast, but carries
-nothing."""
+"""Least share of the weight on a sole in stance, since a foot that swings close to the ground carries no load."""
 
 
 def stumbles(signals: Signals, settings: StumbleSettings, until_s: float) -> list[Failure]:
-    """Moments of much tilt or fast roll and pitch without a fall, before `until_s`."""
+    """Large tilts or roll and pitch rates without a fall, before `until_s`."""
     width = max(round(0.1 * signals.fps) | 1, 1)
     gyro = np.nan_to_num(np.asarray(signals.trial.gyro_b, dtype=float))[:: signals.every, :2]
     rate = np.linalg.norm(time_series.moving_mean(gyro, width), axis=1)
@@ -146,7 +145,7 @@ def stumbles(signals: Signals, settings: StumbleSettings, until_s: float) -> lis
 
 
 def standing_feet(signals: Signals) -> np.ndarray:
-    """Soles (n, 2) that stand firmly: on the ground since `FIRM_S` and for as long on, with a load."""
+    """Mask (n, 2) of soles in firm stance: on the ground for `FIRM_S` before and after, with a load."""
     down = signals.sole_height < LOW
     margin = round(FIRM_S * signals.fps)
     firm = np.zeros_like(down)
@@ -157,7 +156,7 @@ def standing_feet(signals: Signals) -> np.ndarray:
 
 
 def slips(signals: Signals, settings: SlipSettings, until_s: float) -> list[Failure]:
-    """Windows in which bearing soles slide."""
+    """Windows in which loaded soles slide."""
     firm = standing_feet(signals)
     slides = np.any(firm & (signals.sole_speed > settings.foot_m_s), axis=1) & signals.known
     slides &= signals.time_s < until_s
@@ -168,16 +167,16 @@ def slips(signals: Signals, settings: SlipSettings, until_s: float) -> list[Fail
 
 
 def windows_over(mask: np.ndarray, share: float, window_s: float, fps: float) -> list[tuple[int, int, float]]:
-    """Stretches [start, stop) of middles of windows of which more than a share is marked, and the largest share.
+    """Stretches [start, stop) of centres of windows with more than `share` of `mask`, and the largest share.
 
-    At the ends a window has less in it but is as long.
+    Beyond the ends the mask counts as false.
     """
     part = window_sum(mask.astype(float), window_s, fps) / (window_s * fps)
     return [(start, stop, float(part[start:stop].max())) for start, stop in time_series.runs(part > share)]
 
 
 def window_sum(values: np.ndarray, window_s: float, fps: float) -> np.ndarray:
-    """Sum of `values` (n, ...) over the window around each; beyond the ends there is nothing."""
+    """Sum of `values` (n, ...) over the window centred at each sample; zero beyond the ends."""
     half = round(0.5 * window_s * fps)
     total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     place = np.arange(len(values))

@@ -1,4 +1,4 @@
-"""Everything that went wrong in a trial, in the order of time."""
+"""Find all failures in a trial, in temporal order."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -21,16 +21,16 @@ from pipeline.robot import Robot
 from pipeline.robot.size import scaled
 
 SOON_S = 1.0
-"""A robot that is in hands so soon after a trial's beginning is put down for it: what counts begins behind that."""
+"""A robot held within this time of the trial's start is being put down; the evaluation starts after that [s]."""
 
 
 def find_failures(
     trial: Trial, robot: Robot, actuators: Sequence[JointActuator], settings: FailureSettings, *, file: str = ""
 ) -> TrialReport:
-    """What a trial shows. `actuators` are the joints' calibrated motors in the robot's order.
+    """Find the failures of a trial. `actuators` are the joints' calibrated motors in the robot's order.
 
-    After its first fall a trial is searched for falls, heat and packets only. Speeds and torques of
-    the settings are scaled to the robot. Raises RobotMismatchError.
+    After the first fall only falls, hot motors and lost packets are detected. Speeds and torques in the settings are
+    scaled to the robot. Raises RobotMismatchError if the trial is of another robot.
     """
     settings = scaled(settings, robot)
     signals = signals_of(trial, robot)
@@ -84,19 +84,19 @@ def find_failures(
 
 
 def _in_damping(fall: Failure, damped: Sequence[Failure]) -> Failure:
-    """A fall as it is, or one that a robot has while it is only damped."""
+    """Mark a fall that occurs while the joints are only damped as no failure of the policy."""
     inside = any(each.time_s < fall.time_s <= each.until_s for each in damped)
     return dataclasses.replace(fall, excuse=DAMPED) if inside and not fall.excuse else fall
 
 
 def _from(signals: Signals, time_s: float) -> Signals:
-    """The signals with nothing known before a time."""
+    """The signals with all samples before a time marked as unknown."""
     later = signals.time_s >= time_s
     return dataclasses.replace(signals, known=signals.known & later, commanded=signals.commanded & later)
 
 
 def _explained(failure: Failure, signals: Signals, found: Sequence[Failure], settings: FailureSettings) -> Failure:
-    """A fall that no push explains may be that of a weak motor or of late targets."""
+    """Add a weak motor or delayed targets as the probable cause of a fall without a push."""
     if failure.kind != "fall" or "cause" in failure.evidence:
         return failure
     weak = [each.joint for each in found if each.evidence.get("weaker than calibrated") is True]
@@ -116,7 +116,7 @@ def _explained(failure: Failure, signals: Signals, found: Sequence[Failure], set
 
 
 def _excused(failure: Failure, excused: tuple, settings: FailureSettings) -> Failure:
-    """What a gait does in hands or when it was stopped is not the policy's either."""
+    """Excuse failures of the gait while the robot is held or stopped."""
     if failure.excuse or failure.kind not in ("stumble", "slip", "tracking", "torque_saturation", "speed_saturation"):
         return failure
     return dataclasses.replace(failure, excuse=excuse_at(failure.time_s, excused, settings.excuse))
@@ -125,7 +125,7 @@ def _excused(failure: Failure, excused: tuple, settings: FailureSettings) -> Fai
 def _commands(
     signals: Signals, settings: FailureSettings, until_s: float
 ) -> tuple[tuple[float, float, float, float], ...]:
-    """Steady commands and how long each was walked."""
+    """Steady commands and the duration of each [s]."""
     found = []
     for start, stop in steady_stretches(signals, settings.tracking, until_s):
         forward, lateral, yaw = np.round(signals.command[start], 3).tolist()

@@ -1,4 +1,4 @@
-"""When a robot was in a person's hands or stopped by its operator: what it did then is no failure of its policy."""
+"""Detect when a robot is held by a person or stopped by its operator; failures then are not the policy's."""
 
 from dataclasses import dataclass, replace
 
@@ -10,14 +10,14 @@ from pipeline.failures.settings import ExcuseSettings
 from pipeline.failures.signals import Signals
 
 UPRIGHT_DEG, TIPPED_DEG = 30.0, 60.0
-"""Beyond this tilt a robot is down or falling, its feet unloaded too: over a window, and at its middle."""
+"""Tilts, as a window's mean and at its centre, beyond which unloaded feet mean a fall, not a held robot."""
 HARDEST_PULL = -0.2
-"""Estimates of the weight on the feet below this are errors and count as this."""
+"""Lower bound of the estimated share of the weight on the feet; smaller estimates are errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Excuse:
-    """A stretch of time [s] and why."""
+    """A time range [s] and the reason why failures in it are not the policy's."""
 
     start_s: float
     stop_s: float
@@ -26,12 +26,12 @@ class Excuse:
 
 
 def excuses(signals: Signals, settings: ExcuseSettings) -> tuple[Excuse, ...]:
-    """Stretches in hands, and from the operator's stop to the end."""
+    """Time ranges in which the robot is held, and from the operator's stop to the end."""
     return (*_held(signals, settings), *_stopped(signals, settings))
 
 
 def excuse_at(time_s: float, found: tuple[Excuse, ...], settings: ExcuseSettings) -> str:
-    """Why what began at a time is not the policy's; empty if nothing speaks for that."""
+    """Why a failure that began at a time is not the policy's; empty if there is no excuse."""
     for each in found:
         if each.start_s - settings.before_s <= time_s <= each.stop_s + settings.after_s:
             return each.why
@@ -50,7 +50,7 @@ def excuse_failures(signals: Signals, found: tuple[Excuse, ...]) -> list[Failure
 
 
 def _held(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
-    """By the physics of hanging, or as the operator noted it."""
+    """Time ranges in which the robot is held, from physics (unloaded feet) or the operator's notes."""
     support = np.clip(signals.support.sum(axis=1), HARDEST_PULL, 2.0)
     felt = signals.specific_force
     found = []
@@ -78,7 +78,7 @@ def _held(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
 
 
 def _joined(found: list[Excuse]) -> list[Excuse]:
-    """Stretches that touch as one."""
+    """Merge adjacent time ranges."""
     joined: list[Excuse] = []
     for each in sorted(found, key=lambda one: one.start_s):
         if joined and each.start_s <= joined[-1].stop_s:
@@ -89,7 +89,7 @@ def _joined(found: list[Excuse]) -> list[Excuse]:
 
 
 def _noted(signals: Signals) -> list[Excuse]:
-    """`held` and `released` of the operator."""
+    """Time ranges between the operator's events `held` and `released`."""
     end, since, found = float(signals.time_s[-1]), None, []
     for event in sorted(signals.trial.events, key=lambda each: each.time_s):
         if event.kind == "held":
@@ -103,7 +103,7 @@ def _noted(signals: Signals) -> list[Excuse]:
 
 
 def _stopped(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
-    """The operator's note, or joints that are only damped from some time on."""
+    """Stops, from the operator's event or from joints that are only damped from some time on."""
     trial, end = signals.trial, float(signals.time_s[-1])
     times = [(event.time_s, "noted by the operator") for event in trial.events if event.kind == "stop"]
     times += [(time_s, "the joints' stiffness went to 0") for time_s in _damped(signals, settings.damping_kp)[:1]]
@@ -114,9 +114,9 @@ def _stopped(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
 
 
 def _damped(signals: Signals, damping_kp: float) -> list[float]:
-    """When an upright robot's joints begin to be only damped; damping in a fall is no stop by a person.
+    """Times at which the joints of an upright robot become only damped; damping during a fall is no stop.
 
-    Where the stiffness is not known nothing is concluded from it.
+    Samples with unknown stiffness are ignored.
     """
     kp = np.asarray(signals.trial.kp, dtype=float)
     known = np.isfinite(kp).any(axis=1)

@@ -1,4 +1,4 @@
-"""Failures of motors: less torque than commanded, more speed than allowed, heat, lost packets."""
+"""Detect motor failures: less torque than commanded, excessive speed, heat, lost packets."""
 
 from collections.abc import Sequence
 
@@ -13,13 +13,14 @@ from pipeline.failures.settings import HeatSettings, PacketSettings, SpeedSettin
 from pipeline.failures.signals import Signals
 
 REACHED = 1.12
-"""A plateau that the log exceeds elsewhere by more is none: the motor can give more."""
+"""Ratio of the largest torque in the log to a plateau above which the plateau is no limit of the motor."""
 MAD = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
+"""Ratio of standard deviation to median absolute deviation of a normal distribution."""
 
 
 def asked_torque(signals: Signals) -> np.ndarray:
-    """What the joint controllers ask of the motors at each sample of the trial (m, j) [N m]; NaN before commands."""
+    """Torque commanded by the joint controllers at each sample of the trial (m, j) [N m]; NaN before the first
+    command."""
     trial = signals.trial
     position = np.asarray(trial.target_pos, dtype=float) - trial.joint_pos
     return trial.kp * position - trial.kd * trial.joint_vel + np.nan_to_num(trial.target_torque)
@@ -28,8 +29,8 @@ def asked_torque(signals: Signals) -> np.ndarray:
 def torque_saturations(
     signals: Signals, actuators: Sequence[JointActuator], settings: TorqueSettings, until_s: float
 ) -> list[Failure]:
-    """Joints whose motors gave the same torque whenever more was commanded: below the calibrated limit at any
-    time, at that limit for a large share of a window."""
+    """Joints whose torque has a plateau whenever more is commanded: a plateau below the calibrated limit at any time,
+    or at that limit for a large share of a window."""
     trial = signals.trial
     used = trial.measured & (trial.time_s < until_s)
     asked = asked_torque(signals)
@@ -59,7 +60,7 @@ def torque_saturations(
 
 
 def _long(mask: np.ndarray, least_s: float, rate_hz: float) -> np.ndarray:
-    """Only stretches of at least `least_s`."""
+    """Keep only stretches of at least `least_s`."""
     kept = np.zeros_like(mask)
     for start, stop in time_series.runs(mask):
         if stop - start >= least_s * rate_hz:
@@ -77,7 +78,7 @@ def _saturation(
     asked: np.ndarray,
     settings: TorqueSettings,
 ) -> Failure | None:
-    """The failure of a joint's plateau; None where it is the calibrated limit and reached rarely."""
+    """The failure for a joint's plateau; None if it is the calibrated limit and rarely reached."""
     limit, trial = actuator.box_effort_limit, signals.trial
     windows = windows_over(short, settings.nominal_share, settings.window_s, trial.rate_hz)
     weak = level < settings.at_limit * limit

@@ -1,4 +1,4 @@
-"""What counts as a failure, as `data/failures.yaml` states it; there stand the values and their sources."""
+"""Thresholds of failures, read from `data/failures.yaml`, which has the values and their sources."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -10,22 +10,22 @@ from pipeline.robot.size import RobotSize
 
 @dataclass(frozen=True, kw_only=True)
 class FallSettings:
-    """Falls, by attitude and by what the robot says."""
+    """Falls, from attitude and the robot's fall state."""
 
     tilt_deg: float
-    """A trunk tilted further has fallen."""
+    """Tilt of the trunk above which the robot has fallen."""
     onset_deg: float
-    """A fall begins when the tilt was last below this."""
+    """Tilt at the onset of a fall: the last sample below this."""
     flag_s: float
-    """Attitude and the robot's own message tell the same fall when they are closer than this [s]."""
+    """Largest time between attitude and fall state for one fall [s]."""
     push_m_s2: float
-    """Horizontal acceleration that is a push."""
+    """Horizontal acceleration of a push."""
     push_width_s: Annotated[float, POSITIVE]
-    """... averaged over this time [s]."""
+    """Averaging time of that acceleration [s]."""
     push_m_s: Annotated[float, SPEED]
-    """Least change of velocity by a push."""
+    """Least velocity change of a push."""
     cause_s: float
-    """A push so long before a fall is its cause [s]."""
+    """Largest time between a push and the fall that it causes [s]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "onset_deg", "tilt_deg"))
@@ -33,62 +33,62 @@ class FallSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ExcuseSettings:
-    """When a robot is held by hand or stopped."""
+    """Detection of a robot that is held by hand or stopped."""
 
     support: Annotated[float, PART]
-    """Feet that bear less than this share of the weight don't hold the robot."""
+    """Share of the weight on the feet below which they do not support the robot."""
     specific_force: Annotated[float, PART]
-    """A trunk that feels more than this share of gravity does not fall freely."""
+    """Specific force of the trunk, as a share of gravity, above which it is not in free fall."""
     window_s: Annotated[float, POSITIVE]
-    """Both as means over this time [s]."""
+    """Averaging time of both [s]."""
     short_s: float
-    """... or over this one, for as long, where the robot is tipped meanwhile [s]."""
+    """Averaging time and least duration if the robot is tipped meanwhile [s]."""
     after_s: float
-    """So long after it was let go a failure is the holder's [s]."""
+    """Time after the release for which failures are excused [s]."""
     before_s: float
-    """So long before as well [s]."""
+    """Time before the robot is held for which failures are excused [s]."""
     damping_kp: Annotated[float, PART]
-    """Stiffness below this share of the usual one stops the robot."""
+    """Share of the usual stiffness below which the robot is stopped."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StumbleSettings:
-    """A robot that nearly fell."""
+    """Near falls."""
 
     tilt_deg: float
     rate: float
-    """Of roll and pitch [rad/s], mean over 0.1 s."""
+    """Roll or pitch rate of a stumble, mean over 0.1 s [rad/s]."""
     settle_s: float
-    """Of two within this time only the first is reported [s]."""
+    """Time after a stumble in which no further one is reported [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SlipSettings:
-    """Feet that slide while they bear the robot."""
+    """Loaded feet that slide."""
 
     foot_m_s: Annotated[float, SPEED, POSITIVE]
-    """Speed of a bearing sole over the ground [m/s]."""
+    """Horizontal speed of a loaded sole that is a slip [m/s]."""
     share: Annotated[float, PART]
-    """Share of a window."""
+    """Share of a window in which a sole slips."""
     window_s: Annotated[float, POSITIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueSettings:
-    """Motors that give less torque than commanded."""
+    """Motors that produce less torque than commanded."""
 
     asked_over: Annotated[float, PART]
-    """Asked less given, over the limit."""
+    """Commanded minus produced torque, relative to the limit."""
     run_s: float
-    """Shortest stretch that counts [s]."""
+    """Shortest stretch that is used [s]."""
     least_s: float
-    """Least sum of such stretches [s]."""
+    """Least total duration of such stretches [s]."""
     spread: Annotated[float, PART]
-    """Largest spread (1.48 MAD) of what was given, over its median."""
+    """Largest spread (1.48 MAD) of the produced torque relative to its median, for a plateau."""
     at_limit: Annotated[float, PART]
-    """Plateaus above this share of the calibrated limit are that limit."""
+    """Share of the calibrated limit above which a plateau is that limit."""
     nominal_share: Annotated[float, PART]
-    """Share of a window at the calibrated limit."""
+    """Share of a window at the calibrated limit that is a failure."""
     window_s: Annotated[float, POSITIVE]
 
 
@@ -103,24 +103,24 @@ class SpeedSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class AuthoritySettings:
-    """Motors that do not answer, and joints that are only damped after a fall."""
+    """Unresponsive motors, and joints that are only damped after a fall."""
 
     asked_over: Annotated[float, PART]
-    """Asked torque over the limit from which a motor has to answer ..."""
+    """Commanded torque relative to the limit above which a motor must respond."""
     least_torque: Annotated[float, TORQUE, POSITIVE]
-    """... and the least one [N m]: friction may hide what a motor gives at smaller commands."""
+    """Least such commanded torque [N m]; friction may hide the response to smaller ones."""
     dead_share: Annotated[float, PART]
-    """A motor that gives less than this share of the command does not answer."""
+    """Share of the commanded torque below which a motor is unresponsive."""
     alive_share: Annotated[float, PART]
-    """One that gives more than this share of the command, or of its limit, does."""
+    """Share of the commanded torque, or of the limit, above which a motor is responsive."""
     error_rad: Annotated[float, POSITIVE]
-    """Distance of a joint from its target that a motor with authority does not leave [rad]."""
+    """Error of a joint to its target above which it is far from it [rad]."""
     flicker_s: Annotated[tuple[float, float], POSITIVE]
-    """Shortest and longest time for which motors flicker [s]; longer is a loss of authority."""
+    """Shortest and longest duration of a motor flicker [s]; longer is a loss of authority."""
     damped_share: Annotated[float, PART]
-    """Asked torque by stiffness over the usual one, below which joints are only damped."""
+    """Stiffness torque relative to the usual one below which joints are only damped."""
     damped_s: Annotated[float, POSITIVE]
-    """... for at least this time [s]."""
+    """Least duration of damping [s]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "dead_share", "alive_share"))
@@ -136,7 +136,7 @@ class HeatSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PacketSettings:
-    """Motors and messages that are not heard."""
+    """Lost motor packets and log messages."""
 
     lost_hz: float
     gap_s: float
@@ -145,26 +145,26 @@ class PacketSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingSettings:
-    """Commanded against achieved velocity."""
+    """Difference between commanded and achieved velocity."""
 
     steady_s: Annotated[float, POSITIVE]
     settle_s: Annotated[float, Range(0.0, 30.0)]
     forward: Annotated[tuple[float, float], SPEED_AND_SHARE]
-    """Largest difference: a [m/s] + b times the command."""
+    """Largest difference of the linear velocity: a [m/s] + b times the command."""
     lateral: Annotated[tuple[float, float], SPEED_AND_SHARE]
     yaw: tuple[float, float]
-    """[rad/s]"""
+    """Largest difference of the yaw rate: a [rad/s] + b times the command."""
     delay_s: float
-    """A delay from target to torque above this is named as the cause [s]."""
+    """Delay from target to torque above which it is reported as the cause [s]."""
     longest_delay_s: Annotated[float, Range(0.0, 1.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCycleSettings:
-    """The gait against that of the simulation."""
+    """Difference of the gait to the simulated one."""
 
     deviation: Annotated[float, SHARE]
-    """RMS over the phase, over the joint's range in simulation."""
+    """RMS difference over the phase, relative to the joint's range in simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +172,7 @@ class FailureSettings:
     """`data/failures.yaml`."""
 
     calibrated_on: RobotSize
-    """The robot that speeds and torques hold for; `pipeline.robot.size.scaled` gives those of another one."""
+    """Robot that speeds and torques are valid for; `pipeline.robot.size.scaled` converts them for another one."""
     fall: FallSettings
     excuse: ExcuseSettings
     stumble: StumbleSettings

@@ -1,10 +1,10 @@
 """Signals computed from a trial's sensors: tilt, ground forces, velocity, commanded torques; and a digest of the data.
 
-A log has no base velocity and no contact sensor. Both are estimated: the ground's force on each foot from the torques
-of its leg, as if the leg had no mass; the velocity of the trunk from the lowest corners of the soles, as if they stuck.
+A log has no base velocity and no contact sensor. Both are estimated: the ground force on each foot from the torques of
+its leg, which is assumed massless; the velocity of the trunk from the lowest sole corners, which are assumed at rest.
 
-The digest is one of each half second of absolute time: samples are on a grid that starts in 1970, so a copy of a log
-that is torn, split, stored otherwise or without its beginning has the same digests wherever its bytes are whole.
+There is one digest per half second of absolute time. Samples are on a grid that starts in 1970, so that truncated,
+split or converted copies of a log have the same digests wherever the data are complete.
 """
 
 import hashlib
@@ -24,55 +24,56 @@ from pipeline.robot import Kinematics, Robot
 from pipeline.robot.legs import legs_of
 
 WORK_HZ = 125.0
-"""Rate at which kinematics are worked out: feet and trunk move slowly against 500 Hz."""
+"""Rate of the kinematics [Hz]; feet and trunk move slowly compared with the log's 500 Hz."""
 CUTOFF_HZ = 12.0
-"""Zero-phase low pass on what is differentiated."""
+"""Cutoff of the zero-phase low pass on differentiated signals [Hz]."""
 BLEND_HZ = 0.5
-"""Below, the trunk's velocity is that of the legs, above, that of the accelerometer: feet don't slip for seconds."""
+"""Crossover frequency of the trunk's velocity [Hz]: leg kinematics below, accelerometer above."""
 DAMPING = 0.006
-"""Of the least squares for a foot's force [m]: where a straight leg hides the force, it is taken for small."""
+"""Damping of the least squares for a foot's force [m]; a force that a straight leg cannot sense is estimated as
+small."""
 LOWEST = 0.006
-"""Corners of soles that are higher than the lowest by this bear a third as much as it does [m]."""
+"""Height above the lowest sole corner at which a corner has a third of its weight in averages [m]."""
 
 
 class RobotMismatchError(PipelineError):
-    """A trial of another robot."""
+    """Raised for a trial of another robot."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signals:
-    """A trial at about `WORK_HZ`, n samples, and j joints at its own rate where they are needed so."""
+    """A trial at about `WORK_HZ` with n samples; joint signals of j joints at the trial's own rate."""
 
     trial: Trial
     robot: Robot
     every: int
-    """Samples of the trial in one of these."""
+    """Number of samples of the trial per sample of these signals."""
     fps: float
     time_s: Float[np.ndarray, " n"]
     known: Bool[np.ndarray, " n"]
-    """Samples outside gaps, with numbers."""
+    """Samples outside gaps with finite values."""
     tilt_deg: Float[np.ndarray, " n"]
     lean_b: Float[np.ndarray, "n 2"]
-    """Horizontal components of gravity in the trunk's frame: where it leans, forward and left."""
+    """Horizontal components of gravity in the trunk's frame: lean forward and to the left."""
     command: Float[np.ndarray, "n 3"]
-    """0 where it is not known."""
+    """Velocity command: forward, left [m/s], yaw rate [rad/s]; 0 where unknown."""
     commanded: Bool[np.ndarray, " n"]
-    """Samples whose command is known."""
+    """Samples with a known command."""
     support: Float[np.ndarray, "n 2"]
-    """Upward force of the ground on each foot over the robot's weight."""
+    """Vertical ground force on each foot, as a share of the robot's weight."""
     velocity: Float[np.ndarray, "n 2"]
-    """Of the trunk in its heading frame, forward and left, by the lowest corners of the soles [m/s]."""
+    """Velocity of the trunk in its heading frame, forward and left, from the lowest sole corners [m/s]."""
     yaw_rate: Float[np.ndarray, " n"]
-    """[rad/s]"""
+    """Yaw rate of the trunk [rad/s]."""
     sole_speed: Float[np.ndarray, "n 2"]
-    """Of the lowest corners of each sole over the ground, horizontal [m/s]: the trunk's velocity is that of the legs in
-    the long run and that of the accelerometer within a step."""
+    """Horizontal speed of the lowest corners of each sole [m/s], with the trunk's velocity from leg kinematics at low
+    frequencies and from the accelerometer within a step."""
     sole_height: Float[np.ndarray, "n 2"]
-    """Of each sole's lowest corner over the lowest of both [m]."""
+    """Height of each sole's lowest corner over the lower foot's [m]."""
     acceleration_w: Float[np.ndarray, "n 2"]
-    """Of the trunk by the accelerometer, world frame, horizontal [m/s^2]."""
+    """Horizontal acceleration of the trunk in the world frame, from the accelerometer [m/s^2]."""
     specific_force: Float[np.ndarray, " n"]
-    """Magnitude over gravity, mean over a quarter of a second: 1 at rest, 0 in free fall."""
+    """Magnitude of the specific force relative to gravity, mean over 0.25 s: 1 at rest, 0 in free fall."""
 
     def at(self, time_s: float) -> int:
         """Index of the sample at a time."""
@@ -92,7 +93,7 @@ class Signals:
 
 
 def signals_of(trial: Trial, robot: Robot) -> Signals:
-    """Work out the signals. Raises RobotMismatchError for a trial of other joints."""
+    """Compute the signals. Raises RobotMismatchError for a trial with other joints."""
     if trial.joint_names != robot.joint_names:
         raise RobotMismatchError(
             f"trial '{trial.name}' is of '{trial.robot}' with {len(trial.joint_names)} joints; robot '{robot.name}' "
@@ -135,7 +136,7 @@ def signals_of(trial: Trial, robot: Robot) -> Signals:
 
 
 def _filled(values: np.ndarray, finite: np.ndarray) -> np.ndarray:
-    """Values (n, k) with those that are not known interpolated."""
+    """Interpolate unknown values (n, k)."""
     good = finite & np.isfinite(values).all(axis=1)
     if good.all() or not good.any():
         return np.nan_to_num(values)
@@ -151,7 +152,8 @@ def _quat(rpy: np.ndarray) -> np.ndarray:
 def _feet(
     robot: Robot, joint_pos: np.ndarray, quat: np.ndarray, torque: np.ndarray
 ) -> tuple[Float[np.ndarray, "n 2 4 3"], Float[np.ndarray, "n 2"]]:
-    """Corners of the soles relative to the trunk, world orientation [m], and the share of the weight on each sole."""
+    """Corners of the soles relative to the trunk, world orientation [m], and vertical force on each sole as a share of
+    the weight."""
     kinematics = Kinematics(robot)
     poses = kinematics.forward(np.zeros((len(quat), 3)), quat, joint_pos)
     soles = kinematics.site_pos_w(poses, robot.feet)
@@ -168,8 +170,8 @@ def _feet(
 
 
 def _upward(rows: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """The force's z (n,) that least squares gives for -rows @ (force, moment) = torque, damped."""
-    scale = np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])  # a moment of 1 N m is as likely as a force of 10 N
+    """Vertical force (n,) from damped least squares of -rows @ (force, moment) = torque."""
+    scale = np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])  # prior: a moment of 1 N m is as likely as a force of 10 N
     scaled = rows / scale
     normal = np.einsum("nki,nkj->nij", scaled, scaled) + DAMPING**2 * np.eye(6)
     right = np.einsum("nki,nk->ni", scaled, -torque)
@@ -177,14 +179,14 @@ def _upward(rows: np.ndarray, torque: np.ndarray) -> np.ndarray:
 
 
 def _lowest(velocity: np.ndarray, height: np.ndarray, axis: tuple[int, ...]) -> np.ndarray:
-    """Mean velocity (n, ..., 2) of the corners (n, 2, 4) that are lowest."""
+    """Mean velocity (n, ..., 2) of the lowest corners, weighted by height (n, 2, 4)."""
     share = np.exp(-(height - height.min(axis=axis, keepdims=True)) / LOWEST)
     share /= share.sum(axis=axis, keepdims=True)
     return np.sum(velocity * share[..., None], axis=axis)
 
 
 def _heading(velocity_w: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """World to heading frame (n, 2)."""
+    """Transform horizontal velocities (n, 2) from the world to the heading frame."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y = velocity_w.T
     return np.column_stack([cos * x + sin * y, cos * y - sin * x])
@@ -198,7 +200,7 @@ def _sole_speed(
     rate_hz: float,
     every: int,
 ) -> Float[np.ndarray, "n 2"]:
-    """Speed over the ground of each sole. Legs and accelerometer share the trunk's velocity at `BLEND_HZ`."""
+    """Horizontal speed of each sole, with the trunk's velocity blended at `BLEND_HZ`."""
     fps = rate_hz / every
     run = np.cumsum(acceleration_w[:, :2], axis=0)[::every] / rate_hz
     fast = run - time_series.smooth(run, fps, BLEND_HZ)
@@ -208,14 +210,14 @@ def _sole_speed(
 
 WINDOW_NS = 500_000_000
 DIGITS = 8
-"""Hex digits of a window."""
+"""Hex digits of a window's digest."""
 UNKNOWN = "-" * DIGITS
-"""In place of a window that the trial does not have whole: at its ends, and where the log was damaged."""
+"""Placeholder for an incomplete window: at the trial's ends, and where the log is damaged."""
 SENSORS = ("joint_pos", "joint_vel", "torque_est", "rpy", "gyro_b", "acc_b")
 
 
 def fingerprint_of(trial: Trial) -> str:
-    """Digests of the windows in a row, from the one on that the trial begins in."""
+    """Concatenated digests of the windows, starting with the one in which the trial begins."""
     period_ns = round(1e9 / trial.rate_hz)
     windows = (trial.start_ns + np.arange(len(trial.time_s)) * period_ns) // WINDOW_NS
     damaged = np.zeros(len(windows), dtype=bool)
@@ -232,7 +234,7 @@ def fingerprint_of(trial: Trial) -> str:
 
 
 def windows_of(fingerprint: str, start_ns: int) -> dict[int, str]:
-    """Number of the window since 1970 -> its digest, where that is known."""
+    """Window index since 1970 -> digest, for complete windows."""
     first = start_ns // WINDOW_NS
     parts = [fingerprint[at : at + DIGITS] for at in range(0, len(fingerprint), DIGITS)]
     return {first + number: part for number, part in enumerate(parts) if part != UNKNOWN}

@@ -1,4 +1,5 @@
-"""Commanded against achieved velocity, over stretches of steady command; and a delay that would explain it."""
+"""Compare commanded and achieved velocity in stretches of steady command; estimate a delay that explains a
+difference."""
 
 import numpy as np
 
@@ -9,11 +10,11 @@ from pipeline.failures.signals import Signals
 
 AXES = ("forward", "lateral", "yaw")
 STEADY = 0.02
-"""A command that changes by less than this in a second is constant [m/s or rad/s]."""
+"""Change within 1 s below which a command is steady [m/s or rad/s]."""
 
 
 def steady_stretches(signals: Signals, settings: TrackingSettings, until_s: float) -> list[tuple[int, int]]:
-    """Sample ranges of steady command, the time to reach it left out."""
+    """Sample ranges of steady command, without the settling time."""
     change = np.abs(time_series.derivative(signals.command, signals.fps)).max(axis=1)
     still = (change < STEADY) & signals.commanded & (signals.time_s < until_s)
     settle, least = round(settings.settle_s * signals.fps), round(settings.steady_s * signals.fps)
@@ -21,7 +22,7 @@ def steady_stretches(signals: Signals, settings: TrackingSettings, until_s: floa
 
 
 def tracking_divergences(signals: Signals, settings: TrackingSettings, until_s: float) -> list[Failure]:
-    """Stretches whose mean velocity is not the commanded one."""
+    """Stretches whose mean velocity differs from the commanded one."""
     bounds = (settings.forward, settings.lateral, settings.yaw)
     achieved = np.column_stack([signals.velocity, signals.yaw_rate])
     found = []
@@ -56,13 +57,14 @@ def tracking_divergences(signals: Signals, settings: TrackingSettings, until_s: 
 
 
 def delay_and_gain(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> tuple[float, float]:
-    """The delay [s] from a target's message at which it explains the measured torques best, and torque over asked then.
+    """Delay of the targets [s] that explains the measured torques best, and the ratio of measured to commanded torque
+    then.
 
-    The law is torque = kp (target - position) - kd velocity; the target is late, the joint's state is not. All delays
-    are compared over the same samples, those of which everything is known; without any the answer is (0, 1).
+    The model is torque = kp (target - position) - kd velocity with a delayed target. All delays are compared over the
+    same samples, for which everything is known; without such samples the result is (0, 1).
     """
     trial = signals.trial
-    joints = np.flatnonzero(np.nanstd(np.asarray(trial.target_pos, dtype=float), axis=0) > 1e-3)  # that are commanded
+    joints = np.flatnonzero(np.nanstd(np.asarray(trial.target_pos, dtype=float), axis=0) > 1e-3)  # commanded joints
     rows = np.arange(start * signals.every, min(stop * signals.every, len(trial.time_s)))
     torque, target, kp = (
         np.asarray(each, dtype=float)[:, joints] for each in (trial.torque_est, trial.target_pos, trial.kp)

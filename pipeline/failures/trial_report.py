@@ -1,7 +1,7 @@
-"""What a log shows: which commands it ran, for how long, and what went wrong.
+"""Report on a log: its commands with durations, and its failures.
 
-`missed_bars`: failures that a validation found in a simulated trial and no detector did. Bars of a release are tighter
-than what counts as a failure of a robot, and the simulation has quantities that a log has no sensor for.
+`missed_bars` are failures that a validation found in a simulated trial but no detector did: the thresholds of a release
+are stricter than those of failures, and the simulation has quantities that a log has no sensor for.
 """
 
 from collections.abc import Sequence
@@ -17,31 +17,31 @@ VERIFIED, UNVERIFIED = "verified", "unverified"
 
 @dataclass(frozen=True, kw_only=True)
 class TrialReport:
-    """One trial, from one log file."""
+    """Report on one trial of a log file."""
 
     trial: str
     file: str
     """The log's file name."""
     sha256: str
-    """Of the log's bytes."""
+    """SHA-256 of the log's bytes."""
     robot: str
     policy: str
-    """Digest of the policy as the log states it; empty where it does not."""
+    """Digest of the policy as stated by the log; empty if not stated."""
     simulated: bool
     integrity: str
-    """`verified` where checksums cover all that was used, else `unverified`."""
+    """`verified` if checksums cover all data used, else `unverified`."""
     seconds: float
     commands: tuple[tuple[float, float, float, float], ...]
     """Steady commands: forward, lateral [m/s], yaw rate [rad/s], and the duration of each [s]."""
     failures: tuple[Failure, ...]
     command_known: bool = True
-    """Whether the log has commands; if not, commands of failures are zeros and mean nothing."""
+    """Whether the log has commands; if not, commands of failures are zero and meaningless."""
     start_ns: int | None = None
-    """Receipt of the first sample since 1970; None in reports that were made before it was kept."""
+    """Receipt time of the first sample since 1970 [ns]; None in reports of older versions."""
     whole: bool = True
-    """Whether nothing of the log was lost."""
+    """Whether the log is complete."""
     fingerprint: str = ""
-    """Of the sensor data, as `signals.fingerprint_of` makes it."""
+    """Fingerprint of the sensor data from `signals.fingerprint_of`."""
     notes: tuple[str, ...] = ()
     """What could not be checked, and why."""
 
@@ -52,7 +52,7 @@ class TrialReport:
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "TrialReport":
-        """The report that `settings.plain` made this of."""
+        """Inverse of `settings.plain`."""
         commands = tuple(tuple(each) for each in value["commands"])
         failures = tuple(Failure.from_dict(each) for each in value["failures"])
         return TrialReport(**{**value, "commands": commands, "failures": failures, "notes": tuple(value["notes"])})
@@ -67,16 +67,16 @@ KIND_OF = {
     "slip": "slip",
     "saturation": "torque_saturation",
 }
-"""Figure -> kind of failure. Power and steps while standing are of none: they are noted, and move nothing."""
+"""Figure -> kind of failure. Power and steps while standing have no kind: they are noted without further effect."""
 NOTED = "missed in the validation and no kind of failure"
 LEAST, MOST = 0.7, 0.95
-"""Confidence of a bar that is just missed, and of one that is missed by half or more."""
+"""Confidence of a threshold that is just missed, and of one that is missed by half or more."""
 
 
 def missed_bars(signals: Signals, found: Sequence[Failure], until_s: float) -> list[Failure]:
-    """A failure for each missed bar whose kind the detectors have not found in the time that it was measured over.
+    """A failure for each missed bar whose kind no detector found in the same time range.
 
-    Of a trial that is not marked simulated nothing is taken. Gaits count before `until_s` alone, as with detectors.
+    Only for trials that are marked as simulated. Figures of the gait count only before `until_s`, as for detectors.
     """
     added: list[Failure] = []
     for bar in signals.trial.missed if signals.trial.simulated else ():
@@ -90,13 +90,13 @@ def missed_bars(signals: Signals, found: Sequence[Failure], until_s: float) -> l
 
 
 def without_kind(signals: Signals) -> tuple[str, ...]:
-    """Sentences on missed bars that are no kind of failure."""
+    """Sentences on missed bars without a kind of failure."""
     missed = signals.trial.missed if signals.trial.simulated else ()
     return tuple(f"{NOTED}: {bar}" for bar in missed if bar.figure not in KIND_OF)
 
 
 def _same(failure: Failure, kind: str, bar: MissedBar, last_s: float) -> bool:
-    """Whether a failure is what a bar says; a robot that fell once fell, whenever that was."""
+    """Whether a failure is the one of a missed bar; falls match at any time."""
     if failure.kind != kind:
         return False
     overlaps = failure.time_s <= last_s and failure.until_s >= bar.from_s
@@ -111,7 +111,7 @@ def _failure(signals: Signals, kind: str, bar: MissedBar, last_s: float) -> Fail
         "bar": f"{bar.bar} in the cell {bar.cell}",
     }
     if kind == "fall":
-        evidence["attitude"] = False  # otherwise the detector finds it
+        evidence["attitude"] = False  # with the attitude the detector would have found it
     if bar.axis:
         evidence |= {"commanded": bar.commanded, "achieved": bar.achieved}
     over = abs(bar.got - bar.asked) / bar.asked if bar.asked > 0.0 else 1.0

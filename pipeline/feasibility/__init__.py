@@ -1,4 +1,4 @@
-"""KP5: which motions the robot can do, and how much each clip weighs."""
+"""KP5: feasibility of motions for the robot, and the sampling weight of each clip."""
 
 from pipeline.feasibility.assess import Assessment, assess
 from pipeline.feasibility.balance import balance

@@ -1,4 +1,4 @@
-"""All criteria of KP5 on one motion."""
+"""Evaluate all criteria of KP5 on one motion."""
 
 import functools
 from collections.abc import Sequence
@@ -16,12 +16,12 @@ from pipeline.feasibility.settings import FeasibilitySettings
 
 @dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """Every verdict on a motion, whether it holds or not."""
+    """Verdicts of all criteria on a motion, passed and failed."""
 
     motion: Motion
     verdicts: tuple[Verdict, ...]
     skipped: tuple[Skipped, ...]
-    """Criteria that do not apply to it."""
+    """Criteria that do not apply to the motion."""
 
     @property
     def holds(self) -> bool:
@@ -33,7 +33,7 @@ class Assessment:
 
     @property
     def bad(self) -> Bool[np.ndarray, " t"]:
-        """Frames that broken criteria blame."""
+        """Frames that are marked as bad by failed criteria."""
         bad = np.zeros(self.motion.clip.frame_count, dtype=bool)
         for verdict in self.broken:
             if verdict.bad is not None:
@@ -42,8 +42,8 @@ class Assessment:
 
     @functools.cached_property
     def numbers(self) -> dict[str, float | bool | str]:
-        """One number a criterion, the robot's velocity as a command has it (its mean, and as `command_seconds` the
-        seconds in each cell of the command space) and its `gait_signature`."""
+        """One number per criterion, the mean velocity in the form of a command, `command_seconds` (seconds in each box
+        of the command space) and `gait_signature`."""
         found = {verdict.code: verdict.value for verdict in self.verdicts}
         motion = self.motion
         spent = command_seconds_text(motion.commands, motion.clip.fps)
@@ -59,6 +59,6 @@ def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
 
 
 def parted(found: Sequence[Result]) -> tuple[tuple[Verdict, ...], tuple[Skipped, ...]]:
-    """Results with a number, and the others."""
+    """Split results into verdicts and skipped criteria."""
     verdicts = tuple(each for each in found if isinstance(each, Verdict))
     return verdicts, tuple(each for each in found if isinstance(each, Skipped))

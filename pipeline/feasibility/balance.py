@@ -1,17 +1,18 @@
-"""`MotionWeight`: how often a clip is drawn, so that commands and gaits are covered evenly.
+"""`MotionWeight`: the sampling weight of a clip, for an even coverage of commands and gaits.
 
-A trainer draws a clip by its weight and then a time within it, so a clip's weight is the weight of a second in
-it times its seconds. A clip's second weighs the mean of what its seconds do, cell by cell of the command space that
-the robot is in during them. There it is the product of three parts:
+A trainer samples a clip by its weight and then a time within it, so a clip's weight is the weight per second times its
+seconds. The weight per second of a clip is the mean over the cells of the command space that it visits, weighted by the
+seconds in each. In a cell it is the product of three factors:
 
-- coverage: the seconds of a cell share 1 (or a power of it); cells with little get more, up to a bound;
-- diversity: seconds of one family that lie in the same cell count as one motion between them, and every family has
-  an equal part of its cell. A family are the variants of one motion (mirrored, played faster, pieces of it) and all
-  motions whose joints do the same on average (`gait_signature`): copies, repeats, a gait recorded at length;
+- coverage: each cell has the same total weight (adjustable by a power), shared by its seconds, so that seconds of cells
+  with little data weigh more, up to a bound;
+- diversity: each family has an equal part of its cell's weight. A family consists of the variants of one motion
+  (mirrored, time-scaled, pieces of it) and of all motions with the same mean joint motion (`gait_signature`): copies,
+  repetitions, long recordings of one gait;
 - smoothness: 1 / (1 + (jerk / jerk_0)^2).
 
-A cell or a motion in it with less than `missing_seconds` has its part in proportion, so that passing through for a
-moment is no presence.
+A cell, or a family in it, with less than `missing_seconds` has a proportionally smaller part, so that merely passing
+through a cell does not count as covering it.
 """
 
 import re
@@ -31,13 +32,13 @@ from pipeline.files.ranges import POSITIVE, SHARE, Range
 from pipeline.files.sourced import Unit
 
 NEEDED = ("clip", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "root_jerk")
-"""Columns that are read ..."""
+"""Required columns."""
 
 READ = (*NEEDED, "parent", SECONDS_COLUMN, SIGNATURE)
-"""... and those that are read where they are there."""
+"""Required and optional columns."""
 
 WITHIN_A_TAKE = r"@\d+-\d+|\+\d+"
-"""Parts of a clip's name that tell windows and pieces of one take apart."""
+"""Suffixes of a clip's name that distinguish windows and pieces of one take."""
 
 MADE = ("weight", "cell", "family")
 """Columns that are added."""
@@ -45,30 +46,30 @@ MADE = ("weight", "cell", "family")
 
 @dataclass(frozen=True, kw_only=True)
 class BalanceSettings:
-    """How feasible clips share the weight."""
+    """Distribution of the weight over feasible clips."""
 
     cell_power: Annotated[float, SHARE, Unit("-")]
     """0: every second weighs the same; 1: every cell weighs the same."""
     max_ratio: Annotated[float, Range(1.0), Unit("of the mean second")]
     """Largest weight of a second over the mean weight of a second."""
     same_gait: Annotated[float, Range(0.0, 1.0), Unit("rad")]
-    """Motions whose gait signatures differ by less than this [rad, root mean square] share a part of a cell."""
+    """Motions whose gait signatures differ by less than this [rad, root mean square] are one family."""
     smooth_jerk: MetresPerSecondCubed
     """Mean jerk [m/s^3] at which a clip's weight is halved."""
     missing_seconds: Annotated[float, POSITIVE, Unit("s")]
-    """A cell with less than this [s] is missing."""
+    """Seconds below which a cell counts as missing [s]."""
 
 
 class BalanceError(PipelineError):
-    """A table that weights can't be made of."""
+    """Raised for a table from which weights cannot be computed."""
 
 
 def balance(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSettings) -> pd.DataFrame:
-    """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips), `cell`, the one it is in for
-    longest, and `family`, the name of the first motion of those it shares its part of a cell with.
+    """Add `weight` (MotionWeight: positive, finite, mean 1 over clips), `cell` (with the most seconds of the clip) and
+    `family` (name of the first motion in it) to a table with one row per clip.
 
-    One row a clip. The result doesn't depend on the rows' order, which it keeps. Raises BalanceError where a
-    column is missing, a clip is there twice or a number is not finite.
+    The order of the rows is kept and does not affect the weights. Raises BalanceError if a column is missing, a clip
+    occurs twice or a number is not finite.
     """
     if rows.empty:
         return rows.assign(weight=pd.Series(dtype=float), cell=pd.Series(dtype=str), family=pd.Series(dtype=str))
@@ -92,19 +93,19 @@ def balance(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSett
 
 
 def _second_weight(spent: pd.DataFrame, limits: BalanceSettings) -> np.ndarray:
-    """Coverage times diversity of a second of each row (n,) of a table by command with `cell` and `family`."""
+    """Coverage times diversity per second (n,) for each row of a table by command with `cell` and `family`."""
     least, cell = limits.missing_seconds, spent["cell"].to_numpy()
     family_seconds = spent.groupby(["cell", "family"])["seconds"].transform("sum").to_numpy(dtype=float)
     cell_seconds = spent.groupby("cell")["seconds"].transform("sum").to_numpy(dtype=float)
     presence = np.minimum(family_seconds, least)
-    share = presence * spent["seconds"].to_numpy(dtype=float) / family_seconds  # adds up to a family's presence
+    share = presence * spent["seconds"].to_numpy(dtype=float) / family_seconds  # sums to the presence of the family
     cell_presence = pd.Series(share).groupby(cell).transform("sum").to_numpy(dtype=float)
     cell_weight = cell_seconds ** (1.0 - limits.cell_power) * np.minimum(cell_seconds / least, 1.0)
     return cell_weight * presence / cell_presence / family_seconds
 
 
 def parents(rows: pd.DataFrame) -> pd.Series:
-    """The motion each clip is a variant or a piece of: its `parent`, or its name up to `~` or `+`."""
+    """Name of the motion that each clip is a variant or piece of: its `parent`, or its name up to `~` or `+`."""
     parent_of = rows["parent"] if "parent" in rows else pd.Series(index=rows.index, dtype=object)
     names = [
         re.split(r"[~+]", clip, maxsplit=1)[0] if pd.isna(parent) else parent
@@ -114,7 +115,7 @@ def parents(rows: pd.DataFrame) -> pd.Series:
 
 
 def takes(rows: pd.DataFrame) -> Int[np.ndarray, " n"]:
-    """A number for the clip of each row, the same for windows and pieces of one take."""
+    """Integer id of each row's take; windows and pieces of one take have the same id."""
     return pd.factorize(rows["clip"].astype(object).str.replace(WITHIN_A_TAKE, "", regex=True))[0]
 
 
@@ -124,17 +125,17 @@ def effective_seconds_of(
     seconds: Float[np.ndarray, " n"],
     weight: Float[np.ndarray, " n"],
 ) -> float:
-    """Seconds of different motion that weights make of the seconds of clips.
+    """Effective seconds of distinct motion in weighted clips.
 
-    (sum W)^2 / sum(W^2 / S) (Kish 1965) over families of weight W and S seconds of their own: those of the one take
-    that has most. Equal to the sum of the S where every second of own motion weighs the same: copies add nothing, and
-    a family that weighs too much for its seconds takes from the others.
+    (sum W)^2 / sum(W^2 / S) (effective sample size, Kish 1965) over families with weight W and S distinct seconds,
+    which are those of the family's longest take. Equal to the sum of S if all distinct seconds have the same weight;
+    copies add nothing, and a family with too much weight for its seconds reduces the result.
 
     Args:
-        family: a number for the family of each clip
-        take: a number for the take of each clip: a recording or one variant of it (`takes`)
-        seconds: of each clip
-        weight: of each clip
+        family: integer id of each clip's family
+        take: integer id of each clip's take: a recording or one variant of it (`takes`)
+        seconds: duration of each clip [s]
+        weight: weight of each clip
     """
     order = np.lexsort((take, family))
     family, take, seconds, weight = family[order], take[order], seconds[order], weight[order]
@@ -149,7 +150,7 @@ def effective_seconds_of(
 
 
 def _bounded(second: np.ndarray, seconds: np.ndarray, max_ratio: float) -> np.ndarray:
-    """Weights of a second (n,), none above `max_ratio` times the mean of all seconds."""
+    """Limit the weights per second (n,) to `max_ratio` times the mean over all seconds."""
     for _ in range(50):
         mean = np.sum(second * seconds) / np.sum(seconds)
         if np.max(second) <= max_ratio * mean * (1.0 + 1e-9):

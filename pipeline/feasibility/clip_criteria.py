@@ -1,4 +1,4 @@
-"""Criteria of a clip that need no motion: likeness to the person by the numbers of KP3, and length."""
+"""Criteria on self-collision, on likeness to the person (by the numbers of KP3) and on length."""
 
 from dataclasses import dataclass
 
@@ -28,12 +28,12 @@ GROUP = "self-collision"
 
 @dataclass(frozen=True, kw_only=True)
 class CollisionSettings:
-    """The robot against itself."""
+    """Limits for self-collision."""
 
     depth: ToleranceMetres
     """Deepest overlap of two shapes [m]."""
     contact_depth: ToleranceMetres
-    """An overlap deeper than this [m] counts for the share."""
+    """Overlap above which a frame counts for the share [m]."""
     share: ShareOfFrames
     """Largest share of frames with such an overlap."""
 
@@ -43,7 +43,7 @@ class CollisionSettings:
     Criterion("self_collision_share", GROUP, "collision.share", "of frames", "share of frames with an overlap"),
 )
 def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Verdict]:
-    """Deepest overlap of two of the robot's shapes, and the share of frames with one that counts."""
+    """Deepest overlap of two of the robot's shapes, and the share of frames with a significant overlap."""
     found = self_collision(motion.clip, motion.robot)
     frame = int(np.argmax(found.depth))
     pair = " and ".join(found.pairs[frame] or ("no shapes",))
@@ -74,7 +74,7 @@ TOO_SHORT = "too_short"
 
 @dataclass(frozen=True, kw_only=True)
 class LikenessSettings:
-    """Upper bounds of KP3's numbers on a clip, by the names they have there."""
+    """Upper bounds of KP3's numbers of a clip, with the same names."""
 
     slip_m_s: ToleranceMetresPerSecond
     """Mean speed of the sole in stance, by the scorer's middle labels [m/s]."""
@@ -119,12 +119,12 @@ FIGURES: dict[Criterion, str] = {
         "heading_error_deg", "deg", "mean error of the pelvis heading"
     ): "the pelvis heads {:.1f} deg away from the human's",
 }
-"""Number of KP3 on a clip -> sentence with its value."""
+"""Number of KP3 -> format string of the sentence with its value."""
 
 
 @criterion(*FIGURES)
 def likeness(numbers: Numbers, settings: LikenessSettings) -> tuple[Result, ...]:
-    """Verdicts on KP3's numbers on a clip; skipped where a number is missing or has no sample."""
+    """Verdicts on KP3's numbers of a clip; skipped where a number is missing or has no samples."""
     return tuple(_likeness(each.code, text, numbers, settings) for each, text in FIGURES.items())
 
 

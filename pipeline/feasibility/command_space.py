@@ -1,9 +1,9 @@
-"""The command space: its cells, over which weights are balanced, and how long a motion is at which velocity.
+"""The command space: its cells, over which weights are balanced, and the histogram of a motion's velocities.
 
-A clip may stand, walk and turn, and its mean would be none of it. It carries one text, `command_seconds`: JSON, a list
-of [forward m/s, lateral m/s, yaw rate rad/s, seconds], one entry for each box of the command space that it visits, by
-the box's middle. Boxes are half as wide as the cells of the coverage report and have an edge at 0, so that cells about
-0 and cells from 0 on can both be added up from them.
+The mean velocity does not describe a clip that stands, walks and turns. Each clip therefore has a text
+`command_seconds`: JSON, a list of [forward m/s, lateral m/s, yaw rate rad/s, seconds], one entry for the centre of each
+box of the command space that it visits. Boxes are half as wide as the cells of the coverage report and have an edge at
+0, so that cells centred at 0 and cells starting at 0 are both sums of boxes.
 """
 
 import json
@@ -21,7 +21,7 @@ from pipeline.files.sourced import Unit
 STANDING = "standing"
 
 Axis = tuple[float, float, float]
-"""Lowest, highest and width of cells."""
+"""Lower bound, upper bound and cell width."""
 
 BOX = np.array([0.1, 0.1, 0.25])
 """Width of a box: forward [m/s], lateral [m/s], yaw rate [rad/s]."""
@@ -32,7 +32,7 @@ VELOCITIES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
 
 
 class WholeCells(Remark):
-    """An axis that is made of one or more whole cells."""
+    """Check that an axis consists of one or more whole cells."""
 
     def faults(self, where: str, value: Axis) -> list[tuple[str, str]]:
         low, high, width = value
@@ -44,22 +44,22 @@ class WholeCells(Remark):
 
 @dataclass(frozen=True, kw_only=True)
 class CommandSettings:
-    """`data/commands.yaml`: the cells of the command space, which weights are spread over and feedback refers to."""
+    """`data/commands.yaml`: the cells of the command space, used by weights and feedback."""
 
     forward: Annotated[Axis, WholeCells(), Unit("m/s")]
-    """Lowest, highest and width of cells [m/s]."""
+    """Lower bound, upper bound and cell width of the forward velocity [m/s]."""
     lateral: Annotated[Axis, WholeCells(), Unit("m/s")]
-    """[m/s]"""
+    """Lower bound, upper bound and cell width of the lateral velocity [m/s]."""
     yaw_rate: Annotated[Axis, WholeCells(), Unit("rad/s")]
-    """[rad/s]"""
+    """Lower bound, upper bound and cell width of the yaw rate [rad/s]."""
     standing_m_s: Annotated[float, NOT_NEGATIVE, Unit("m/s")]
-    """Slower than this over ground [m/s] ..."""
+    """Horizontal speed below which a motion may be standing [m/s]."""
     standing_rad_s: Annotated[float, NOT_NEGATIVE, Unit("rad/s")]
-    """... and turning slower than this [rad/s] is standing."""
+    """Yaw rate below which a motion may be standing [rad/s]."""
 
 
 def standing(rows: pd.DataFrame, settings: CommandSettings) -> np.ndarray:
-    """Rows (n,) that are slower than standing allows, in every direction."""
+    """Mask (n,) of the rows that are standing: speed and yaw rate below both limits."""
     speed = np.hypot(rows["forward_m_s"].to_numpy(dtype=float), rows["lateral_m_s"].to_numpy(dtype=float))
     turning = np.abs(rows["yaw_rate_rad_s"].to_numpy(dtype=float))
     return (speed < settings.standing_m_s) & (turning < settings.standing_rad_s)
@@ -68,8 +68,8 @@ def standing(rows: pd.DataFrame, settings: CommandSettings) -> np.ndarray:
 def cell_of(rows: pd.DataFrame, settings: CommandSettings) -> pd.Series:
     """Name of each row's cell: `standing`, or the middle of its cell: `0.6 m/s, 0.0 m/s, -0.5 rad/s`.
 
-    Cells lie about the multiples of their width, so that sway about 0 doesn't split a straight walk. Velocities outside
-    the ranges go to the outermost cells: no row is without one.
+    Cells are centred at multiples of their width, so that sway around 0 does not split a straight walk. Velocities
+    outside the ranges belong to the outermost cells.
     """
     middles = [
         (_middle(rows["forward_m_s"].to_numpy(dtype=float), settings.forward), "m/s"),
@@ -91,7 +91,7 @@ def _middle(values: np.ndarray, axis: Axis) -> np.ndarray:
 
 
 def command_seconds_text(commands: Float[np.ndarray, "t 3"], fps: float) -> str:
-    """The text of a motion: seconds of its frames in each box they lie in, in the boxes' order."""
+    """`command_seconds` of a motion with velocities (t, 3): seconds in each visited box, sorted by box."""
     boxes = np.floor(commands / BOX + 1e-9).astype(int)
     boxes, frames = _distinct(boxes)
     middles = np.round((boxes + 0.5) * BOX, 3)
@@ -100,7 +100,7 @@ def command_seconds_text(commands: Float[np.ndarray, "t 3"], fps: float) -> str:
 
 
 def _distinct(boxes: Int[np.ndarray, "t 3"]) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
-    """The different boxes in their order, and how often each is there."""
+    """Distinct boxes, sorted, and their counts."""
     low = boxes.min(axis=0)
     _, lateral, yaw = boxes.max(axis=0) - low + 1
     numbered = (boxes - low) @ np.array([lateral * yaw, yaw, 1])
@@ -109,11 +109,11 @@ def _distinct(boxes: Int[np.ndarray, "t 3"]) -> tuple[Int[np.ndarray, "n 3"], In
 
 
 def by_command(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row for each box a clip visits, with its velocities and seconds; the other columns are the clip's, without
-    the text of all boxes.
+    """One row for each box that a clip visits, with the box's velocities and seconds and the clip's other columns
+    (without `command_seconds`).
 
-    Seconds are scaled so that a clip's add up to its own. Clips that don't carry `command_seconds` keep one row with
-    their mean velocities. `clip_seconds` holds the clip's own seconds, `row` its place in the table.
+    Seconds are scaled so that they sum to the clip's seconds. Clips without `command_seconds` have one row with their
+    mean velocities. `clip_seconds` is the clip's seconds, `row` its index in the input.
     """
     carried = rows[SECONDS_COLUMN] if SECONDS_COLUMN in rows else pd.Series(None, index=rows.index, dtype=object)
     places, values = [], []

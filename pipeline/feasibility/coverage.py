@@ -1,4 +1,4 @@
-"""How many seconds each part of the command space has, and what is missing, in words."""
+"""Seconds of motion in each part of the command space, and sentences on the missing parts."""
 
 import itertools
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ from pipeline.feasibility.gait_signature import families
 from pipeline.time_series import runs
 
 NEEDED = ("clip", "seconds", *VELOCITIES)
-"""Columns that are read."""
+"""Required columns."""
 
 WHERE_THERE = (SECONDS_COLUMN, "weight", "parent", SIGNATURE)
-"""Columns that are read where they are there."""
+"""Optional columns."""
 
 AXES = ("forward", "lateral", "yaw")
 
@@ -35,20 +35,20 @@ class Coverage:
     """Seconds on the axes of the command space and on its plane of forward speed and yaw rate."""
 
     cells: pd.DataFrame
-    """A row a cell: `axis` (`standing, forward, lateral, yaw, forward_yaw`), `low` and `high` of the first
-    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips` that visit it, `families` of
-    different motion they are of, and `effective_seconds_before`: what the seconds count for where all weigh the same.
-    Where the rows have weights, `weight` and `effective_seconds`: what they count for as they are weighted."""
+    """One row per cell: `axis` (`standing, forward, lateral, yaw, forward_yaw`), `low` and `high` of the first
+    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips` that visit it, number
+    of `families` of distinct motion, and `effective_seconds_before`: effective seconds with equal weights. If the rows
+    have weights, also `weight` and `effective_seconds`: effective seconds with these weights."""
     missing: tuple[str, ...]
-    """A sentence for each stretch of an axis that has too little: a cell wide or wider, or at the end of the range;
-    then for each stretch of the plane."""
+    """Sentences: for each interval of an axis with too few seconds that is at least a cell wide or at the end of the
+    range, then for each such interval of the plane."""
 
 
 def coverage(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSettings) -> Coverage:
     """Coverage of the command ranges by the seconds that clips spend at each velocity.
 
-    An axis has the seconds whose other velocities lie in the middle of the range: within one cell's width of 0.
-    Seconds outside the ranges count for no cell.
+    An axis counts the seconds whose other velocities are within one cell's width of 0. Seconds outside the ranges are
+    not counted.
     """
     if rows.empty:
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
@@ -81,18 +81,18 @@ def _velocity(rows: pd.DataFrame, axis: str) -> np.ndarray:
 
 
 def _near(rows: pd.DataFrame, axis: str, commands: CommandSettings) -> np.ndarray:
-    """Rows (n,) within a cell's width of 0 on an axis."""
+    """Mask (n,) of rows within a cell's width of 0 on an axis."""
     return np.abs(_velocity(rows, axis)) <= _limits(axis, commands)[2]
 
 
 def _on_axis(rows: pd.DataFrame, axis: str, commands: CommandSettings) -> np.ndarray:
-    """Rows (n,) that have little of the other two velocities."""
+    """Mask (n,) of rows whose other two velocities are near 0."""
     return np.all([_near(rows, other, commands) for other in AXES if other != axis], axis=0)
 
 
-def _only(rows: pd.DataFrame, wanted: np.ndarray) -> pd.DataFrame:
-    """Rows where `wanted` (n,) holds."""
-    return rows.loc[np.asarray(wanted, dtype=bool)]
+def _only(rows: pd.DataFrame, mask: np.ndarray) -> pd.DataFrame:
+    """Rows where `mask` (n,) is true."""
+    return rows.loc[np.asarray(mask, dtype=bool)]
 
 
 def _edges(limits: Axis) -> np.ndarray:
@@ -145,11 +145,11 @@ _WORDS = {
     "lateral": ("walks left", "walks right", "m/s"),
     "yaw": ("turns left", "turns right", "rad/s"),
 }
-"""What a positive and a negative velocity on an axis is, and its unit."""
+"""Axis -> words for a positive and a negative velocity, and its unit."""
 
 
 def _missing(spent: pd.DataFrame, settings: BalanceSettings, commands: CommandSettings) -> tuple[str, ...]:
-    """Sentences for all directions. A box beside 0 is covered by standing too."""
+    """Sentences for all directions. Standing also covers the boxes next to 0."""
     still_s = float(spent.loc[standing(spent, commands), "seconds"].sum())
     sentences = [f"No clip stands for {settings.missing_seconds:g} s."] if still_s < settings.missing_seconds else []
     for column, axis in enumerate(AXES):
@@ -169,7 +169,8 @@ def _missing(spent: pd.DataFrame, settings: BalanceSettings, commands: CommandSe
 
 
 def _there(seconds: np.ndarray, boxes: int, least: float) -> np.ndarray:
-    """Boxes (n,) from 0 on that have their part of a cell's least seconds, in a cell of `boxes` with all of them."""
+    """Mask (n,) of covered boxes from 0 outward: boxes with their part of a cell's least seconds, in a cell of `boxes`
+    boxes that has all of them."""
     starts = np.arange(0, len(seconds), boxes)
     sizes = np.diff(np.append(starts, len(seconds)))
     cell = np.add.reduceat(seconds, starts) >= least * sizes / boxes - 1e-9
@@ -186,10 +187,10 @@ DIRECTIONS = {"left": 1.0, "right": -1.0}
 
 
 def _missing_turns(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
-    """Missing turns while walking: a sentence for each direction of turning and stretch of speeds, forward or back, at
-    which the same turns are missing.
+    """Missing turns while walking: a sentence for each turning direction and each interval of forward or backward
+    speeds with the same missing turns.
 
-    Speeds at which nothing at all is done are left out: the axis of forward speed says so.
+    Speeds without any data are left out, since the sentences on the forward axis report them.
     """
     plane = cells[cells["axis"] == "forward_yaw"]
     plane = plane.assign(there=plane["seconds"] >= settings.missing_seconds)
@@ -206,7 +207,7 @@ def _missing_turns(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str,
 
 
 def _missing_rates(line: pd.DataFrame, sign: float) -> tuple[tuple[float, float], ...]:
-    """Stretches of yaw rate [rad/s], without sign, that have too little at one forward speed; inf for no end."""
+    """Intervals of absolute yaw rate [rad/s] with too few seconds at one forward speed; inf for no upper end."""
     half = line[sign * (line["low_2"] + line["high_2"]) > 0.0]
     edges = sorted(
         (min(abs(low), abs(high)), max(abs(low), abs(high)))
@@ -218,7 +219,7 @@ def _missing_rates(line: pd.DataFrame, sign: float) -> tuple[tuple[float, float]
 
 
 def _joined(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Stretches that touch as one."""
+    """Merge adjacent intervals."""
     joined: list[tuple[float, float]] = []
     for low, high in stretches:
         if joined and low < joined[-1][1] + 1e-9:

@@ -1,7 +1,8 @@
-"""The table of criteria: clip by stretch by criterion, a number, its threshold with unit and source, a verdict.
+"""The table of criteria: for each clip, stretch and criterion the number, its threshold with unit and source, a
+verdict.
 
-It lies beside the manifest of `feasible_motions` and says which manifest it belongs to. What is in it travels no
-further: clips that go on keep a number a criterion.
+The file is next to the manifest of `feasible_motions` and contains that manifest's digest. Later stages do not get the
+table: clips that pass keep one number per criterion.
 """
 
 import dataclasses
@@ -45,20 +46,20 @@ COLUMNS = {
     "source": pa.string(),
     "why": pa.string(),
 }
-"""`start_s` to `stop_s` [s] is the stretch of `clip` that was judged, `piece` the clip that went on from it; `margin`
-is what was left to the threshold, over the threshold; `message` what is wrong, or why it does not apply; `setting`
-names the threshold in data/feasibility.yaml, `source` and `why` are what stands there."""
+"""`start_s` to `stop_s` [s] is the evaluated stretch of `clip`, `piece` the name of the clip made from it; `margin` is
+the distance to the threshold relative to the threshold; `message` states the violation, or why the criterion does not
+apply; `setting` is the key of the threshold in data/feasibility.yaml, `source` and `why` are copied from there."""
 
 TEXTS = tuple(name for name, kind in COLUMNS.items() if kind == pa.string())
 
 OF_STRETCH = ("clip", "start_s", "stop_s", "piece")
 OF_ROW = ("facts", "number", "threshold", "sense", "verdict", "message")
-"""What is read of a stretch and of a row; the other columns follow."""
+"""Values that are read for each row; the other columns are derived from them."""
 
 AT_LEAST, AT_MOST = "at least", "at most"
 
 STRETCHES_AT_A_TIME, ROWS_AT_A_TIME = 512, 10_000
-"""Stretches whose rows are read and rows that are written at a time; in memory a text of many rows is there once."""
+"""Batch sizes of reading (stretches) and writing (rows). In memory, a text that occurs in many rows is stored once."""
 
 _MANIFEST = b"manifest"
 
@@ -67,10 +68,10 @@ BY_CRITERION = (
     *("group", "criterion", "clips", "broken", "not applicable"),
     *("closest margin", "closest number", "threshold", "unit", "closest clip", "setting", "source", "why"),
 )
-"""Columns of `by_criterion`. The threshold and its source are those of the closest stretch."""
+"""Columns of `by_criterion`. The threshold and its source are those of the stretch with the least margin."""
 
 ORIGIN = ("unit", "setting", "source", "why")
-"""Columns that say where a threshold comes from."""
+"""Columns on the origin of a threshold."""
 
 MARGINS = (
     *("clip", "start_s", "stop_s", "piece", "group", "criterion", "verdict"),
@@ -80,15 +81,15 @@ MARGINS = (
 
 
 def path_beside(manifest: Path) -> Path:
-    """Where the table of a stored manifest lies."""
+    """Path of the table that belongs to a stored manifest."""
     return manifest.with_suffix(".criteria.parquet")
 
 
 def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, pd.DataFrame]:
-    """The manifest without its judgements, and the table of them, its texts as categories.
+    """Split off the stored evaluations: the manifest without them, and the table of criteria (texts as categories).
 
     Args:
-        manifest: KP5's findings on each clip, judgements among the numbers
+        manifest: KP5's manifest, with the evaluations among the numbers of each clip
         origins: unit and source of each threshold of data/feasibility.yaml, by its name
     """
     facts = {code: _facts(code, origins) for code in REGISTERED}
@@ -98,7 +99,7 @@ def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, 
 
 
 def with_origins(table: pd.DataFrame, origins: Mapping[str, Origin]) -> pd.DataFrame:
-    """The table with thresholds' units and sources as `origins` has them now; its criteria are registered ones."""
+    """Update the units and sources of the table's thresholds from `origins`; all its criteria must be registered."""
     criterion = table["criterion"].cat
     facts = [_facts(code, origins) for code in criterion.categories]
     texts = {name: [getattr(each, name) for each in facts] for name in ORIGIN}
@@ -106,7 +107,7 @@ def with_origins(table: pd.DataFrame, origins: Mapping[str, Origin]) -> pd.DataF
 
 
 def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:
-    """Write the table of a manifest, whole or not at all; equal tables give equal bytes."""
+    """Write the table of a manifest atomically; equal tables give equal bytes."""
     schema = pa.schema(list(COLUMNS.items()), metadata={_MANIFEST: manifest.digest.encode()})
     texts = {name: pa.array(table[name].cat.categories, type=pa.string()) for name in TEXTS}
     columns = {name: (table[name].cat.codes if name in texts else table[name]).to_numpy() for name in COLUMNS}
@@ -122,7 +123,7 @@ def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:
 
 
 def belongs(path: Path, manifest: Path) -> bool:
-    """Whether there is a table at `path` and it is that of the manifest stored at `manifest`."""
+    """Whether the file `path` exists and is the table of the manifest stored at `manifest`."""
     try:
         found = (pq.read_schema(path).metadata or {}).get(_MANIFEST)
         return found == digest.of_file(manifest).encode()
@@ -133,14 +134,14 @@ def belongs(path: Path, manifest: Path) -> bool:
 def read(
     path: Path, manifest: Path, asset: str = "feasible_motions", columns: Sequence[str] | None = None
 ) -> pd.DataFrame:
-    """The table at `path`, its texts as categories in alphabetical order, as `split` makes them.
+    """Read the table at `path`, with texts as alphabetically sorted categories, as from `split`.
 
-    Raises FileError, with the asset to materialize, where there is none of this manifest or it is damaged.
+    Raises FileError, which names the asset to materialize, if the table is missing, damaged or of another manifest.
 
     Args:
         path: file of the table
         manifest: file of the manifest that it must belong to
-        asset: the asset that makes it
+        asset: the asset that writes the table
         columns: names of the columns to read; None: all
     """
     materialize = f"Run: dagster asset materialize --select {asset}"
@@ -156,13 +157,13 @@ def read(
 
 
 def _sorted(texts: pd.Series) -> pd.Series:
-    """Categories in alphabetical order; those of a file are in the order of their first rows."""
+    """Sort categories alphabetically; in a file they are in the order of their first rows."""
     return texts.cat.reorder_categories(texts.cat.categories.sort_values())
 
 
 def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a criterion: how many clips there are, in how many some stretch broke it, in how many it did not apply, and
-    the stretch that went on with least to spare."""
+    """One row per criterion: number of clips, of clips with a stretch that failed it and of clips it did not apply to,
+    and the kept stretch with the least margin."""
     clip, (piece, verdict) = pd.factorize(table["clip"])[0], (table[name].to_numpy() for name in ("piece", "verdict"))
     broken, silent, kept = verdict == BROKEN, verdict == NOT_APPLICABLE, (piece != "") & (verdict == HOLDS)
     places = table.groupby("criterion", observed=True).indices
@@ -179,13 +180,13 @@ def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows by their margin, the worst first; what was not asked is left out."""
+    """Rows sorted by margin, the worst first, without criteria that did not apply."""
     asked = table.loc[table["verdict"] != NOT_APPLICABLE, list(MARGINS)]
     return asked.sort_values(by=["margin", "clip", "start_s", "criterion"], na_position="first")
 
 
 def _table(stretches: Iterable[tuple[tuple, list[tuple]]]) -> pd.DataFrame:
-    """A data frame of stretches (values of `OF_STRETCH`), each with its rows (values of `OF_ROW`).
+    """A data frame of stretches (values of `OF_STRETCH`), each with its rows (`OF_ROW`).
 
     To save memory, rows are read in batches and not kept: a text is stored as the index of its first occurrence and
     becomes a category.
@@ -211,14 +212,14 @@ def _table(stretches: Iterable[tuple[tuple, list[tuple]]]) -> pd.DataFrame:
 
 
 def _coded(values: Sequence[Any], known: dict[Any, int] | None) -> np.ndarray:
-    """Numbers as they are, None as one that is not; with `known` the place of each value in it."""
+    """Values as floats (None becomes NaN), or, with `known`, the index of each value in it."""
     if known is None:
         return np.array(values, dtype=float)
     return np.array([known.setdefault(value, len(known)) for value in values], dtype=np.int32)
 
 
 def _texts(texts: Sequence[str], rows: np.ndarray) -> pd.Categorical:
-    """A category for each text, in their order, from the place of each row's text in `texts`."""
+    """Categorical with `texts` as categories; `rows` are the indices of the rows' texts."""
     names = sorted(set(texts))
     place = {text: index for index, text in enumerate(names)}
     order = np.array([place[text] for text in texts], dtype=np.int32)
@@ -236,7 +237,7 @@ class _Facts:
     source: str = ""
     why: str = ""
     stated: float | None = None
-    """The threshold, where it is the same for all clips."""
+    """The threshold, if it is the same for all clips."""
 
 
 OF_CRITERION = ("criterion", "group", *ORIGIN)
@@ -261,7 +262,7 @@ def _stretches_of_shard(shard: Shard[Judged], facts: Mapping[str, _Facts]) -> It
     missing = [MISSING] * shard.count
     texts, seconds = (columns.get(name, missing) for name in (NUMBER, "seconds_in"))
     for clip, reasons, text, seconds_in in zip(columns["clip"], columns["reasons"], texts, seconds, strict=True):
-        if text is MISSING:  # it could not be judged at all: the reasons are all there is
+        if text is MISSING:  # the clip could not be evaluated: only the reasons are known
             stop_s = 0.0 if seconds_in is MISSING else float(seconds_in or 0.0)
             if reasons:
                 yield (clip, 0.0, stop_s, ""), list(map(_row_of_reason, reasons))
@@ -283,7 +284,7 @@ def _row_of_reason(reason: Mapping[str, Any]) -> tuple:
 
 
 def _closest(own: pd.DataFrame) -> dict[str, Any]:
-    """Of stretches that went on, the one with the smallest margin to a criterion, by name where margins are equal."""
+    """The kept stretch with the smallest margin to a criterion; the first by name if margins are equal."""
     kept = own[own["margin"] == own["margin"].min()]
     if kept.empty:
         return {}

@@ -1,13 +1,14 @@
-"""What a criterion of KP5 is: one registration beside the function that measures it.
+"""Registration of KP5's criteria, as a decorator of the function that measures them.
 
     @criterion(Criterion("root_jerk", "smoothness", "root.jerk", "m/s^3", "mean jerk of the root", cuts=NOTHING))
     def root_jerk(motion: Motion, settings: RootSettings) -> tuple[Result, ...]: ...
 
-Evaluation, the table of criteria, the table in the docs, the benchmark and the asset's report list what is registered.
+Evaluation, the table of criteria, the docs, the benchmark and the asset's report use the registered criteria. A setting
+states range and unit of its threshold:
 
     limit_excess: Annotated[float, Range(0.0, 1.0), Unit("rad")]
 
-The file states the same unit (`pipeline.files.sourced`); reading it checks the range.
+The YAML file states the same unit (`pipeline.files.sourced`); the range is checked on reading.
 """
 
 import dataclasses
@@ -27,47 +28,47 @@ Seconds = Annotated[float, Range(0.0, 10.0), Unit("s")]
 Hertz = Annotated[float, Range(1.0, 25.0), Unit("Hz")]
 """Cut-off of a low pass at the database's 50 Hz."""
 Metres = Annotated[float, Range(0.0, 1.0), Unit("m"), LENGTH]
-"""Scales with the robot's legs, as all figures with `LENGTH`, `SPEED` or `JERK` do (`pipeline.robot.size`)."""
+"""Scaled by the robot's leg length, as all settings with `LENGTH`, `SPEED` or `JERK` (`pipeline.robot.size`)."""
 ToleranceMetres = Annotated[float, Range(0.0, 1.0), Unit("m")]
-"""Of measurement or of the shapes' accuracy: the same for every robot."""
+"""Tolerance of measurement or of the collision shapes: the same for every robot."""
 ToleranceMetresPerSecond = Annotated[float, Range(0.0, 5.0), Unit("m/s")]
 MetresPerSecondCubed = Annotated[float, POSITIVE, Unit("m/s^3"), JERK]
 Degrees = Annotated[float, Range(0.0, 180.0), Unit("deg")]
 ShareOfFrames = Annotated[float, SHARE, Unit("of frames")]
 RatioToMotorLimit = Annotated[float, Range(0.5, 5.0), Unit("of the motor's limit")]
 MetresPerSecondBySpeed = Annotated[tuple[float, float], Range(0.0, 5.0), Unit("m/s"), SPEED_AND_SHARE]
-"""a + b times the speed over ground."""
+"""Limit [a, b]: a + b times the horizontal speed."""
 SecondsBySpeed = Annotated[tuple[float, float], Range(0.0, 10.0), Unit("s")]
-"""a + b times the speed over ground."""
+"""Limit [a, b]: a + b times the horizontal speed."""
 
 
 MOTION, NUMBERS, LENGTH = "motion", "numbers", "length"
-"""What a criterion measures: a motion, the numbers of earlier stages on a clip, or the length of a stretch."""
+"""Input of a criterion: a motion, the numbers of earlier stages, or the length of a stretch."""
 
 FRAMES, WHOLE_CLIP, NOTHING = "frames", "whole clip", "–"
-"""What a broken criterion removes: frames, the clip, or nothing; a clip is rejected if only such a one is broken."""
+"""What a failed criterion removes: frames, the clip, or nothing. With `NOTHING`, a failure rejects the clip."""
 
 ORDER = (
     *("tracking stability", "root motion", "joint and speed limits", "torque", "contact consistency", "foot slip"),
     *("penetration", "self-collision", "contact forces", "smoothness", "likeness to the person", "length"),
 )
-"""Order of the groups in tables; other groups follow."""
+"""Order of the groups in tables; further groups follow."""
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """A criterion, under whose `code` a clip carries its number."""
+    """A criterion; its number is stored with a clip under `code`."""
 
     code: str
     group: str
     limit: str
-    """Its threshold in `data/feasibility.yaml`: `joints.limit_excess`. The measuring function gets the section."""
+    """Key of its threshold in `data/feasibility.yaml`, e.g. `joints.limit_excess`. The function gets the section."""
     unit: str
     what: str
-    """What the number is, in a phrase for the docs."""
+    """Short description of the number, for the docs."""
     cuts: str = field(kw_only=True, default=FRAMES)
     lower: bool = field(kw_only=True, default=False)
-    """The limit is the lowest value allowed, not the highest."""
+    """Whether the limit is a lower bound."""
     of: str = field(kw_only=True, default=MOTION)
 
     @property
@@ -84,11 +85,11 @@ class Verdict:
     value: float
     limit: float
     text: str
-    """What was measured and where, as a sentence without the limit."""
+    """Sentence on the measured value and its time, without the limit."""
     bad: Bool[np.ndarray, " t"] | None = field(default=None, repr=False)
-    """Frames to cut away so that the rest may hold; None where no frames are to blame."""
+    """Mask of the frames to cut so that the rest may pass; None if the criterion marks no frames."""
     not_applicable: str = ""
-    """Why the number means nothing: nothing was there to measure."""
+    """Why the criterion does not apply (nothing to measure); empty if it does."""
 
     @property
     def unit(self) -> str:
@@ -103,7 +104,7 @@ class Verdict:
         return self.value >= self.limit if self.lower else self.value <= self.limit
 
     def reason(self, fps: float, start_s: float, stop_s: float) -> Reason:
-        """Why a stretch from `start_s` to `stop_s` [s] of a clip is rejected, or not kept as a whole."""
+        """The reason for rejecting or cutting the stretch `start_s` ... `stop_s` [s] of a clip."""
         spans = time_series.runs(self.bad) if self.bad is not None else []
         if spans:
             start_s, stop_s = start_s + spans[0][0] / fps, start_s + spans[-1][1] / fps
@@ -122,7 +123,7 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class Skipped:
-    """A criterion that does not apply to a motion, and why; it breaks nothing and is not counted as held."""
+    """A criterion that does not apply to a motion, and why; it counts neither as passed nor as failed."""
 
     code: str
     not_applicable: str
@@ -135,12 +136,12 @@ REGISTERED: dict[str, Criterion] = {}
 """Code -> criterion, in the order of registration."""
 
 MEASURES: dict[Callable[..., tuple[Result, ...]], tuple[Criterion, ...]] = {}
-"""Function -> the criteria that it measures; each call returns one result for each of them."""
+"""Function -> its criteria; each call returns one result per criterion."""
 
 
 def criterion(*criteria: Criterion) -> Callable[[Any], Any]:
-    """Register the criteria that a function measures: of a motion `function(motion, section)`, of numbers
-    `function(numbers, section)`. Raises ValueError for a code that is registered already."""
+    """Register the criteria of a function: `function(motion, section)` or `function(numbers, section)`. Raises
+    ValueError for a code that is already registered."""
 
     def register(function: Any) -> Any:
         for each in criteria:
@@ -154,13 +155,13 @@ def criterion(*criteria: Criterion) -> Callable[[Any], Any]:
 
 
 def results(evidence: Any, settings: Any, of: str, only: Collection[str] = ()) -> Iterator[Result]:
-    """Results of all registered criteria of one kind, in the order of the settings' sections.
+    """Results of all registered criteria with the input `of`, in the order of the settings' sections.
 
     Args:
-        evidence: the motion, or the numbers, as `of` says
+        evidence: the motion or the numbers, according to `of`
         settings: `FeasibilitySettings`; each function gets its section
         of: `MOTION` or `NUMBERS`
-        only: codes of the criteria that are wanted; empty for all
+        only: codes of the criteria to evaluate; empty for all
     """
     place = {each.name: index for index, each in enumerate(dataclasses.fields(settings))}
     measures = [

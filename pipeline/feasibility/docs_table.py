@@ -1,4 +1,4 @@
-"""The table of criteria in the docs, from what is registered.
+"""Write the table of registered criteria into the docs.
 
 python -m pipeline.feasibility.docs_table docs/feasibility.md
 """
@@ -16,7 +16,7 @@ _PLACE = re.compile(r"(<!-- criteria: .*? -->\n).*?(<!-- end of criteria -->)", 
 
 
 def docs_table() -> str:
-    """A Markdown table: a row for each criterion, by group; frames are what most of them cut, and are not named."""
+    """Markdown table with one row per criterion, by group; what a criterion cuts is named unless it is frames."""
     rows = ["| group | criterion | what it is | threshold | cut |", "|---|---|---|---|---|"]
     for group, codes in groups().items():
         for index, code in enumerate(codes):
@@ -29,7 +29,7 @@ def docs_table() -> str:
 
 
 def rewrite(page: Path) -> None:
-    """Put the table between the two comments of a page. Raises FileError where they are missing."""
+    """Replace the table between the two marker comments of a page. Raises FileError if they are missing."""
     text = page.read_text(encoding="utf-8")
     if not _PLACE.search(text):
         raise FileError(page, "the comments '<!-- criteria: … -->' and '<!-- end of criteria -->' are missing.")
@@ -37,7 +37,7 @@ def rewrite(page: Path) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Rewrite a page; 0, or 1 where that can't be done."""
+    """Rewrite a page; return the exit code, 1 on failure."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.feasibility.docs_table", description=__doc__)
     parser.add_argument("page", type=Path, help="page with the table (docs/feasibility.md)")
     try:

@@ -1,7 +1,7 @@
-"""Clips that KP5 evaluated before, with the same code, thresholds and robot: they are not evaluated again.
+"""Skip clips that KP5 has already evaluated with the same code, thresholds and robot.
 
-A piece that left KP5 satisfies all criteria by itself, and its stored bytes are those that were evaluated; that they
-still are is what the asset's check `stored_as_evaluated` finds. So its results are those of the stretch that it is.
+A piece that KP5 kept satisfies all criteria by itself, and the evaluated bytes are stored (the asset check
+`stored_as_evaluated` verifies this). So the results of its stretch are also the results of the piece.
 """
 
 import dataclasses
@@ -24,12 +24,12 @@ T = TypeVar("T")
 
 
 def without_evaluated(candidates: Manifest, stage: Stage, pieces: Collection[str]) -> tuple[Manifest, Rows[Entry]]:
-    """The candidates that are still to be evaluated, and those that the code, settings and robot of `stage` evaluated.
+    """Split candidates into those to evaluate and those already evaluated with the code, settings and robot of `stage`.
 
     Args:
         candidates: clips for KP5
         stage: KP5
-        pieces: names of the clips whose results are at hand
+        pieces: names of the clips with available results
     """
 
     asked = (stage.version, stage.settings_digest)
@@ -52,9 +52,9 @@ def without_evaluated(candidates: Manifest, stage: Stage, pieces: Collection[str
 
 
 def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry]) -> Manifest:
-    """The manifest of a stage with the clips that needed no evaluation, as if they had been evaluated too.
+    """Add the clips that were not evaluated again to a stage's manifest, as if they had been evaluated.
 
-    Rows of `SHARDS_AT_HAND` shards of each kind at a time are in memory; of all clips, only the names.
+    Only the rows of `SHARDS_AT_HAND` shards of each kind and the names of all clips are in memory.
     """
     if not known:
         return manifest
@@ -83,11 +83,11 @@ def with_evaluated(manifest: Manifest, stage: Stage, known: Rows[Entry]) -> Mani
 
 
 SHARDS_AT_HAND = 4
-"""Names are nearly in the order of the shards that they are in: so many are decoded at a time."""
+"""Number of decoded shards in memory; the names are nearly in the order of their shards."""
 
 
 class _RowsByClip(Generic[T]):
-    """The rows of shards by the names of their clips, those of `SHARDS_AT_HAND` shards at a time in memory."""
+    """Mapping from a clip's name to its row in shards, with `SHARDS_AT_HAND` shards in memory."""
 
     def __init__(self, shards: Sequence[Shard[Any]]):
         self._shard = {clip: shard for shard in shards for clip in shard.columns(["clip"])["clip"]}
@@ -121,11 +121,11 @@ def _judged(entry: Entry) -> Judged:
 
 
 def criteria_of_pieces(table: pd.DataFrame, known: Rows[Entry]) -> pd.DataFrame:
-    """The rows that KP5's table of criteria would have on pieces that left it, if they were evaluated again.
+    """Rows of KP5's table of criteria for pieces that it kept, as if they were evaluated again.
 
     Args:
-        table: rows of the evaluation that they left, texts as categories
-        known: the pieces
+        table: rows of the evaluation that produced the pieces, texts as categories
+        known: entries of the pieces
     """
     columns = [shard.columns(["clip", "seconds"]) for shard in known.shards]
     seconds = {clip: own for each in columns for clip, own in zip(each["clip"], each["seconds"], strict=True)}
@@ -136,7 +136,7 @@ def criteria_of_pieces(table: pd.DataFrame, known: Rows[Entry]) -> pd.DataFrame:
 
 
 def together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """The rows of tables of criteria, by the names of their clips; the rows of a clip are in one of them."""
+    """Concatenate tables of criteria, sorted by clip; all rows of a clip must be in one table."""
     texts = {
         name: union_categoricals([pd.Categorical(each[name]) for each in tables], sort_categories=True)
         for name in TEXTS

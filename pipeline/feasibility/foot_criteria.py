@@ -1,4 +1,4 @@
-"""Criteria of the feet: slip, gliding, penetration, floating, flight, labels."""
+"""Criteria on the feet: slip, gliding, penetration, floating, flight and contact labels."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -38,19 +38,19 @@ SLIP, CONTACT = "foot slip", "contact consistency"
 
 @dataclass(frozen=True, kw_only=True)
 class FootSettings:
-    """Feet on the ground."""
+    """Limits for the feet."""
 
     level: ToleranceMetres
-    """Corners of a sole less than this above its lowest one are on the ground with it [m]."""
+    """Height above the lowest corner up to which the corners of a sole count as on the ground [m]."""
     slip_mean: MetresPerSecondBySpeed
-    """Largest mean slip of feet that are labelled as in contact [m/s]: a + b times the speed over ground."""
+    """Largest mean slip of feet that are labelled as in contact [m/s]: a + b times the horizontal speed."""
     inferred_slip_mean: MetresPerSecondBySpeed
     """Largest mean slip for contact inferred from sole kinematics, the slower foot in double support [m/s]."""
     slip_p95: MetresPerSecondBySpeed
-    """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
+    """Largest 95th percentile of slip [m/s]: a + b times the horizontal speed."""
     glide_s: SecondsBySpeed
-    """Longest time that feet near the ground may be too fast to stand, where nothing is labelled [s]: a + b times the
-    speed over ground about that time."""
+    """Longest time with a foot near the ground but none slow enough for a stance, without labels [s]: a + b times the
+    horizontal speed at that time."""
     penetration_p95: Metres
     """Largest 95th percentile over frames of the depth of the lowest corner [m]."""
     penetration_max: Metres
@@ -58,11 +58,11 @@ class FootSettings:
     floating: Metres
     """Largest height of the lowest corner of a foot in contact [m]."""
     flight_height: Metres
-    """Both soles higher than this [m] is flight."""
+    """Height above which both soles must be for a flight phase [m]."""
     flight_s: Seconds
     """Longest flight [s]."""
     disagreement: Annotated[float, SHARE, Unit("of foot-frames")]
-    """Largest share of foot-frames whose label says contact where the sole does not, or the other way."""
+    """Largest share of foot-frames in which label and sole disagree on contact."""
 
 
 @criterion(
@@ -83,11 +83,11 @@ class FootSettings:
     Criterion("foot_slip_p95", SLIP, "feet.slip_p95", "m/s", "95th percentile of slip, feet in contact"),
 )
 def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
-    """Mean and 95th percentile of slip against limits that grow with the speed over ground.
+    """Mean and 95th percentile of slip, with limits that grow with the horizontal speed.
 
-    The mean is evaluated twice: for feet labelled as in contact, and for contact inferred from sole kinematics whatever
-    is labelled, so that wrong labels hide no slip. A foot that slides fast is inferred as not in contact, which leaves
-    less slip in good motion and in bad; so this limit is lower.
+    The mean is evaluated twice: for feet labelled as in contact, and for contact inferred from sole kinematics, so
+    that wrong labels hide no slip. Inference treats a fast sliding foot as not in contact, so its slip is lower in good
+    and bad motion, and its limit is lower, too.
     """
     slip = slowest_point_speed(motion.sole, settings.level)
     standing, inferred = stance_feet(motion, slip)
@@ -119,12 +119,12 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
 def stance_feet(
     motion: Motion, slip: Float[np.ndarray, "t 2"]
 ) -> tuple[Bool[np.ndarray, "t 2"], Bool[np.ndarray, "t 2"]]:
-    """Feet whose slip is measured: in contact by their labels (inferred where nothing is labelled), and in contact as
-    inferred from sole kinematics, whatever is labelled.
+    """Masks of the feet whose slip is measured: by contact labels (inferred if there are none), and by inferred
+    contact.
 
-    The first and last frame of a contact are left out: a difference there includes the swing. Of two feet that are
-    inferred as in contact only the slower one counts: a foot that lands or leaves within a centimetre of the ground
-    looks like one that slides.
+    The first and last frame of a contact are left out, since finite differences there include the swing. In inferred
+    double support only the slower foot counts: a foot that lands or lifts off within 0.01 m of the ground looks like a
+    sliding one.
 
     Args:
         slip: slip of each foot [m/s]
@@ -145,11 +145,11 @@ def stance_feet(
     )
 )
 def gliding(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
-    """Time in a row that a sole is near the ground and no foot stands: of all such times the one furthest past what its
-    speed over ground allows. Skipped where contacts are labelled.
+    """Longest time with a sole near the ground and no foot in contact, relative to the limit for its horizontal speed.
+    Skipped if contacts are labelled.
 
-    Without labels a foot that slides fast is inferred as not in contact, so that its slip is not measured, and it is
-    too low for a flight. In a good run it is so low and so fast only just after take-off and before landing.
+    Without labels, a fast sliding foot is inferred as not in contact, so its slip is not measured, and it is too low
+    for a flight phase. In a good run a foot is that low and fast only just after take-off and before landing.
     """
     if motion.labelled:
         return (Skipped(code="foot_glide_s", not_applicable=SIMULATED if motion.simulated else LABELLED),)
@@ -187,7 +187,7 @@ def gliding(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
     Criterion("penetration_max", "penetration", "feet.penetration_max", "m", "largest depth of a sole corner"),
 )
 def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
-    """Depth of the lowest corner of each frame below the ground: 95th percentile and most."""
+    """Depth of the lowest sole corner below the ground: 95th percentile over frames, and maximum."""
     depth = np.maximum(-motion.sole.height.min(axis=1), 0.0)
     p95, frame = percentile_of_least(depth, 95, motion.least_frames), int(np.argmax(depth))
     return (
@@ -234,9 +234,9 @@ def floating(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
     )
 )
 def flight(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
-    """Longest time with no foot on the ground: both soles above it, or neither foot in contact.
+    """Longest time without support: both soles above the ground, or neither foot in contact.
 
-    Feet that skate too fast to be in contact carry nothing either.
+    Feet that slide too fast to be in contact do not support the robot either.
     """
     above = np.all(motion.sole.height > settings.flight_height, axis=1) | ~motion.contacts.any(axis=1)
     fps = motion.clip.fps
@@ -293,7 +293,7 @@ def _mean_slip(
     limits: tuple[float, float],
     speed: float,
 ) -> Verdict:
-    """Mean slip [m/s] of the feet that stand, at a speed over ground [m/s]."""
+    """Verdict on the mean slip [m/s] of the feet in contact, at a horizontal speed [m/s]."""
     found = slip[standing]
     value, limit = float(found.mean()) if found.size else 0.0, limits[0] + limits[1] * speed
     return Verdict(
@@ -309,7 +309,7 @@ def _mean_slip(
 def _sliding_stances(
     slip: Float[np.ndarray, "t 2"], standing: Bool[np.ndarray, "t 2"], limit: float
 ) -> Bool[np.ndarray, " t"]:
-    """Frames of stances whose own mean slip is above the limit."""
+    """Mask of the frames in stances whose mean slip is above the limit."""
     bad = np.zeros(len(slip), dtype=bool)
     for side in range(2):
         for start, stop in time_series.runs(standing[:, side]):

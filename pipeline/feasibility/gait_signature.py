@@ -1,10 +1,10 @@
-"""What a motion looks like whatever its side, its speed and its phase: near-duplicates have nearly the same numbers.
+"""Gait signature: numbers that are nearly equal for near-duplicates, invariant to side, speed and phase.
 
-Of each pair of joints, left and right: the mean angle and the spread about it over the clip, of both sides together
-and how far the sides differ. A mirror exchanges the sides and playing faster changes no angle, so neither changes
-the signature; a copy, a repeat and another stretch of the same steady gait change it little.
+For each left-right pair of joints: mean angle and standard deviation over the clip, as the average of both sides and
+the difference between them. Mirroring exchanges the sides and time scaling changes no angle, so neither changes the
+signature; copies, repetitions and other parts of the same steady gait change it little.
 
-A clip carries it as one text, `gait_signature`: JSON, a list of angles [rad].
+It is stored with a clip as the text `gait_signature`: JSON, a list of angles [rad].
 """
 
 import json
@@ -25,12 +25,12 @@ COLUMN = "gait_signature"
 
 
 def gait_signature_text(clip: RobotClip, robot: Robot) -> str:
-    """The text of a motion."""
+    """The gait signature of a motion as JSON."""
     return json.dumps(np.round(gait_signature(clip, robot), 4).tolist())
 
 
 def gait_signature(clip: RobotClip, robot: Robot) -> Float[np.ndarray, " k"]:
-    """Mean and spread of the controlled joints [rad], both sides together and how far they differ."""
+    """Mean and standard deviation of the controlled joints [rad]: average of both sides, then their difference."""
     one_side = [joint for joint in robot.controlled_index if joint <= robot.mirror_index[joint]]
     here = clip.joint_pos[:, one_side]
     there = (clip.joint_pos[:, robot.mirror_index] * robot.mirror_sign)[:, one_side]
@@ -39,13 +39,13 @@ def gait_signature(clip: RobotClip, robot: Robot) -> Float[np.ndarray, " k"]:
 
 
 def families(rows: pd.DataFrame, parent: pd.Series, same_gait: float) -> pd.Series:
-    """The family of each clip: its parent's, and that of all parents which are the same gait; named after the first.
+    """Family of each clip: clips of one parent, and of all parents with the same gait; named after the first parent.
 
     Args:
-        rows: a row a clip, with `gait_signature` where it is known
-        parent: the motion each row is a variant or a piece of
-        same_gait: root mean square [rad] by which the signatures of two parents, each the mean over its clips, may
-            differ; parents are of one family, too, through others between them
+        rows: one row per clip, with `gait_signature` where it is known
+        parent: the motion that each row is a variant or a piece of
+        same_gait: largest RMS difference [rad] between the signatures of two parents (each the mean over its clips) of
+            one family; families are closed under this relation (single linkage)
     """
     names, place = np.unique(parent.to_numpy(dtype=str), return_inverse=True)
     first, second = [], []
@@ -64,7 +64,7 @@ def families(rows: pd.DataFrame, parent: pd.Series, same_gait: float) -> pd.Seri
 def _signatures_of(
     rows: pd.DataFrame, place: Int[np.ndarray, " n"]
 ) -> list[tuple[Int[np.ndarray, " p"], Float[np.ndarray, "p k"]]]:
-    """Mean signature of each parent that has one, by the number of joints: places of the parents, their signatures."""
+    """Mean signatures of parents, grouped by signature length: indices of the parents, and their signatures."""
     if COLUMN not in rows:
         return []
     of_parent: defaultdict[tuple[int, int], list[np.ndarray]] = defaultdict(list)

@@ -1,8 +1,7 @@
-"""The assessment of a mirror image by that of the motion that it shows, where the robot is symmetric.
+"""Assess a mirrored motion by its original, if the robot is symmetric.
 
-What the criteria measure is then the same on both sides, to the tolerance within which the robot is its own mirror
-image. Evaluated for each of the two are only a few criteria (`OWN`), and images that break one, as its message names a
-side.
+The numbers of the criteria are then equal for both, within the tolerance of the robot's symmetry. Only the criteria in
+`OWN` are evaluated on the mirror image itself, and all criteria if one fails, because its message names a side.
 """
 
 import dataclasses
@@ -27,25 +26,25 @@ OWN = (
     *("joint_limit_excess", "joint_speed_ratio", "joint_speed_over_share", "joint_speed_over_run_s"),
     *("foot_slip_mean", "foot_inferred_slip_mean", "foot_slip_p95"),
 )
-"""Criteria that are evaluated on the image itself: limits, which may differ between left and right, and slip, whose
-last digits depend on the order of the corners."""
+"""Criteria that are evaluated on the image itself: joint limits, which may differ between left and right, and slip,
+whose last digits depend on the order of the corners."""
 
 TOLERANCE_M = 1e-5
-"""A robot is symmetric where links, soles and overlaps of its shapes in mirrored poses differ by less than this [m].
-The overlaps of MuJoCo's shapes are exact to some 1e-6 m."""
+"""Largest difference of links, soles and shape overlaps between mirrored poses of a symmetric robot [m]. MuJoCo's
+overlaps are accurate to about 1e-6 m."""
 
 POSES = 32
-"""Random poses that show whether a robot is symmetric."""
+"""Number of random poses for the symmetry test."""
 
 
 @dataclass
 class LastAssessed:
-    """The assessment of the motion that a process evaluated last: its mirror image often comes next."""
+    """Cache of the last assessment in a process; the mirror image of a motion often follows it."""
 
     whole: Assessment | None = None
 
     def of(self, clip: RobotClip) -> Assessment | None:
-        """The assessment, if it is that of a clip with these frames."""
+        """The cached assessment if it is of a clip with these frames, else None."""
         if self.whole is None:
             return None
         last, names = self.whole.motion.clip, ("root_pos_w", "root_quat_w", "joint_pos", "contacts")
@@ -60,30 +59,30 @@ def _equal(one: np.ndarray | None, other: np.ndarray | None) -> bool:
 
 
 def nothing_assessed(_: RobotClip) -> LastAssessed:
-    """What clips that are evaluated one after the other share, before the first."""
+    """An empty cache, for the first clip of a process."""
     return LastAssessed()
 
 
 def pair(name: str) -> str:
-    """The name that a motion and its mirror image have in common."""
+    """The common name of a motion and its mirror image."""
     return name.replace(MARK, "")
 
 
 def is_rollout(clip: RobotClip, numbers: Numbers) -> bool:
-    """Whether a clip is what a simulated robot did, or tracked a reference."""
+    """Whether a clip is a simulated rollout or tracked a reference."""
     return bool(clip.forces is not None or numbers.get(CLIP) or numbers.get(CONTENT))
 
 
 def is_image(clip: RobotClip, numbers: Numbers, robot: Robot) -> bool:
-    """Whether a clip is a mirror image that need not be evaluated by itself.
+    """Whether a clip is a mirror image that can be assessed by its original.
 
-    Rollouts are: a policy is not symmetric, and their reference is not mirrored with them.
+    Rollouts cannot: a policy is not symmetric, and their reference is not mirrored with them.
     """
     return bool(numbers.get("mirrored")) and not is_rollout(clip, numbers) and is_symmetric(robot)
 
 
 def assess_clip(clip: RobotClip, robot: Robot, settings: FeasibilitySettings, last: LastAssessed) -> Assessment:
-    """The assessment of a clip that is no rollout; that of the last one where the frames are the same."""
+    """Assess a clip that is not a rollout, or return the cached assessment for equal frames."""
     clip = at_database_rate(clip)
     known = last.of(clip)
     if known is None:
@@ -92,7 +91,7 @@ def assess_clip(clip: RobotClip, robot: Robot, settings: FeasibilitySettings, la
 
 
 def assess_image(image: RobotClip, robot: Robot, settings: FeasibilitySettings, last: LastAssessed) -> Assessment:
-    """The assessment of a mirror image, which does not depend on whether the motion that it shows was assessed last."""
+    """Assess a mirror image; the result does not depend on the cache."""
     shown = assess_clip(mirror_clip(image, robot, image.name), robot, settings, last)
     motion = shown.motion.mirrored(at_database_rate(image))
     own = {each.code: each for each in results(motion, settings, MOTION, OWN)}
@@ -102,19 +101,19 @@ def assess_image(image: RobotClip, robot: Robot, settings: FeasibilitySettings, 
 
 
 def is_symmetric(robot: Robot) -> bool:
-    """Whether the robot is its own mirror image within `TOLERANCE_M`, but for the limits of its joints."""
+    """Whether the robot is mirror-symmetric within `TOLERANCE_M`, apart from joint limits."""
     if robot.mjcf not in _SYMMETRIC:
         _SYMMETRIC[robot.mjcf] = asymmetry(robot) <= TOLERANCE_M
     return _SYMMETRIC[robot.mjcf]
 
 
 _SYMMETRIC: dict[str, bool] = {}
-"""Model -> whether it is symmetric."""
+"""Digest of a model -> whether it is symmetric."""
 
 
 def asymmetry(robot: Robot) -> float:
-    """Largest difference between random poses and their mirror images: in places of links and of the soles' corners,
-    and in the overlap of the robot's shapes [m]."""
+    """Largest difference between random poses and their mirror images [m]: in positions of links and sole corners, and
+    in the overlap of the robot's shapes."""
     rng = np.random.default_rng(0)
     shape = (POSES, len(robot.joint_names))
     root_quat_w = rotation.normalize(rng.normal(size=(POSES, 4)))

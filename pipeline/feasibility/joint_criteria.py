@@ -1,4 +1,4 @@
-"""Criteria of single joints: position limits, speed, acceleration."""
+"""Criteria on joints: position limits, speed, acceleration."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -25,20 +25,20 @@ LIMITS = "joint and speed limits"
 
 @dataclass(frozen=True, kw_only=True)
 class JointSettings:
-    """Positions, speeds and accelerations of joints."""
+    """Limits for positions, speeds and accelerations of joints."""
 
     limit_excess: Annotated[float, Range(0.0, 1.0), Unit("rad")]
-    """Allowed beyond the robot's position limits [rad]."""
+    """Largest violation of the robot's position limits [rad]."""
     speed_ratio: RatioToMotorLimit
-    """Largest speed over the motor's limit."""
+    """Largest ratio of joint speed to the motor's limit."""
     speed_over: RatioToMotorLimit
-    """A joint is well over its motor's speed where its speed over the limit is above this."""
+    """Ratio to the motor's limit above which a joint counts as well over its limit."""
     speed_over_share: ShareOfFrames
-    """Largest share of a joint's frames in which it is."""
+    """Largest share of a joint's frames above that ratio."""
     speed_over_run_s: Seconds
-    """Longest time it may be without a break [s]."""
+    """Longest uninterrupted time above that ratio [s]."""
     acceleration_p99: Annotated[float, POSITIVE, Unit("rad/s^2")]
-    """99th percentile over all frames and joints, low-passed [rad/s^2]."""
+    """Largest 99th percentile of low-passed joint accelerations over all frames and joints [rad/s^2]."""
 
 
 @criterion(
@@ -47,7 +47,7 @@ class JointSettings:
     )
 )
 def joint_limits(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]:
-    """How far any joint is beyond its position limits."""
+    """Largest violation of a position limit over all joints."""
     robot, pos = motion.robot, motion.clip.joint_pos
     excess = np.maximum(robot.joint_lower - pos, pos - robot.joint_upper)
     frame, joint = np.unravel_index(np.argmax(excess), excess.shape)
@@ -80,9 +80,9 @@ def joint_limits(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]
     Criterion("joint_speed_over_run_s", LIMITS, "joints.speed_over_run_s", "s", "longest time above that speed"),
 )
 def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verdict, Verdict]:
-    """Speed over the motors' limits: the largest, and how often and how long a joint is well above.
+    """Joint speeds relative to the motors' limits: maximum, share of frames and longest time well above.
 
-    A limb swings past its motor's speed for a moment, driven by the others; no motor keeps it there.
+    Coupled dynamics can drive a joint beyond its motor's speed for a moment; no motor can sustain it.
     """
     robot = motion.robot
     speed = np.abs(motion.clip.joint_vel())
@@ -121,7 +121,7 @@ def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verd
     )
 )
 def joint_acceleration(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]:
-    """99th percentile of joint accelerations: high for shaking and for seams."""
+    """99th percentile of joint accelerations, which is high for shaking and for discontinuities."""
     value = acceleration_p99(motion.smooth_joint_pos, motion.clip.fps, motion.least_frames)
     verdict = Verdict(
         code="joint_acceleration_p99",

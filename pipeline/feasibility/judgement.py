@@ -1,8 +1,8 @@
-"""Results of all criteria on one stretch, and the text in which they are stored with the answer.
+"""Results of all criteria on one stretch, and their JSON form in the stored result of a clip.
 
     assessment of a stretch -> Judgement -> text (in the memo's answer) -> rows of the table of criteria
 
-A criterion that does not apply to a stretch states why; it never counts as one that holds.
+A criterion that does not apply to a stretch states why; it does not count as passed.
 """
 
 import math
@@ -14,44 +14,45 @@ from pipeline.feasibility.assess import Assessment
 from pipeline.feasibility.criterion import Result, Skipped, codes
 
 NUMBER = "judgements"
-"""Name that the text has among the numbers of a clip that was judged, until the table is made of it."""
+"""Key of the text among the numbers of an evaluated clip, until the table is made from it."""
 
 DIGITS = 6
-"""Significant digits of what is stored."""
+"""Significant digits of stored numbers."""
 
 
 class Found(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One criterion on one stretch."""
+    """Result of one criterion on one stretch."""
 
     value: float | None = None
-    """None where it was not asked, or is not finite."""
+    """Measured value; None if the criterion does not apply or the value is not finite."""
     limit: float | None = None
     lower: bool = False
-    """The limit is the lowest value allowed."""
+    """Whether the limit is a lower bound."""
     unit: str = ""
     broken: str = ""
-    """What is wrong, as a sentence; empty where nothing is."""
+    """Sentence on the violation; empty if the criterion passes."""
     not_applicable: str = ""
-    """Why it was not asked."""
+    """Why the criterion does not apply; empty if it does."""
 
 
 class Judgement(msgspec.Struct, frozen=True, kw_only=True):
-    """All criteria on a stretch of a clip."""
+    """Results of all criteria on a stretch of a clip."""
 
     start_s: float
     stop_s: float
-    """Where the stretch is in the clip [s]."""
+    """End of the stretch in the clip [s]."""
     found: dict[str, Found]
     """Code of each registered criterion -> its result."""
     piece: str = ""
-    """Name of the clip that was made of it; empty where none was."""
+    """Name of the clip made from the stretch; empty if there is none."""
 
 
 def judge(assessment: Assessment, beside: Sequence[Result], start: int) -> Judgement:
-    """The judgement on an assessed stretch.
+    """The results on an assessed stretch.
 
     Args:
-        beside: results on the clip that need no motion: likeness, length
+        assessment: verdicts on the stretch's motion
+        beside: results that need no motion: likeness, length
         start: the stretch's first frame in the clip
     """
     results = {each.code: each for each in (*assessment.verdicts, *assessment.skipped, *beside)}
@@ -62,12 +63,12 @@ def judge(assessment: Assessment, beside: Sequence[Result], start: int) -> Judge
 
 
 def to_text(judgements: Sequence[Judgement]) -> str:
-    """JSON: a row a stretch, of it a row a criterion, of which what is left at its default is left out."""
+    """JSON: a list of stretches, each with a result per criterion; default values are left out."""
     return _ENCODER.encode(judgements).decode()
 
 
 def from_text(text: str) -> tuple[Judgement, ...]:
-    """The judgements that `to_text` was called on, to `DIGITS` digits."""
+    """Inverse of `to_text`, with numbers to `DIGITS` digits."""
     return _DECODER.decode(text)
 
 

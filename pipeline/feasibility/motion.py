@@ -1,4 +1,4 @@
-"""A clip with the quantities that several criteria use, computed once."""
+"""A clip at 50 Hz with derived quantities that several criteria use."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pipeline.quality.sole import ContactSettings, SoleMotion, contact_from_sole
 from pipeline.robot import Robot, mirror_image
 
 FPS = 50.0
-"""Rate at which motions are judged and stored [Hz]."""
+"""Rate at which motions are evaluated and stored [Hz]."""
 
 
 NO_ROLLOUT = "no tracked rollout"
@@ -28,26 +28,27 @@ NO_ROLLOUT = "no tracked rollout"
 
 @dataclass(frozen=True, kw_only=True)
 class CutSettings:
-    """How motions are cut, and the limits of short ones."""
+    """Cutting of motions, and limits for short ones."""
 
     min_seconds: Annotated[float, Range(0.04, 60.0), Unit("s")]
     """Shortest stretch that is kept [s]."""
     max_cuts: Annotated[int, Range(0, 20), Unit("-")]
-    """How often what is left of a clip is cut again; a cut moves the ends that filters see."""
+    """Most repetitions of cutting the remainder of a clip; each cut changes the ends for the filters."""
     margin_s: Annotated[float, Range(0.0, 5.0), Unit("s")]
-    """Cut away with a bad frame on both sides [s]."""
+    """Margin that is cut on both sides of a bad frame [s]."""
     share_s: Annotated[float, Range(0.0, 60.0), Unit("s")]
-    """A shorter clip may have as many frames at fault as one of this time [s], for shares and percentiles alike."""
+    """Duration up to which a clip may have as many bad frames as a clip of this duration, for shares and percentiles
+    [s]."""
     short_share: ShareOfFrames
-    """Upper bound of the share of a short clip's own frames at fault that this allows."""
+    """Upper bound of the share of bad frames in such a short clip."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RootFilter:
-    """The low pass of the root; root criteria add their thresholds."""
+    """Low pass of the root; root criteria add their thresholds."""
 
     cutoff_hz: Hertz
-    """[Hz]"""
+    """Cutoff of the zero-phase low pass [Hz]."""
 
 
 @runtime_checkable
@@ -64,7 +65,7 @@ class MotionSettings(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A clip at 50 Hz and what follows from it."""
+    """A clip at 50 Hz with derived quantities."""
 
     clip: RobotClip
     robot: Robot
@@ -73,22 +74,22 @@ class Motion:
     """The clip's labels; inferred from sole kinematics where it has none."""
     labelled: bool
     contact: ContactSettings
-    """What contact is where nothing is labelled."""
+    """Limits for contacts inferred from sole kinematics."""
     velocity: CommandVelocity
     commands: Float[np.ndarray, "t 3"]
-    """Forward and lateral velocity [m/s] and yaw rate [rad/s] about each frame, as a command would have it."""
+    """Forward and lateral velocity [m/s] and yaw rate [rad/s] around each frame, in the form of a command."""
     smooth_root_pos_w: Float[np.ndarray, "t 3"]
     smooth_root_quat_w: Float[np.ndarray, "t 4"]
     smooth_joint_pos: Float[np.ndarray, "t j"]
     reference: RobotClip | None = None
-    """The motion that was tracked, at the same frames; None where this is no tracked rollout."""
+    """The tracked motion at the same frames; None if this is not a tracked rollout."""
     no_reference: str = NO_ROLLOUT
-    """Why there is no reference, where there is none."""
+    """Why there is no reference."""
     least_frames: int
-    """Percentiles are over as many frames at least; those that a shorter clip lacks have no fault. A clip of fewer may
-    have as many frames at fault as one of so many ..."""
+    """Frame count up to which a shorter clip may have as many bad frames as a clip of this length. Percentiles are over
+    at least this many frames; the missing ones count as good."""
     short_share: float
-    """... but no larger a share of its own."""
+    """Upper bound of the share of bad frames in a shorter clip."""
 
     @property
     def simulated(self) -> bool:
@@ -97,31 +98,31 @@ class Motion:
 
     @functools.cached_property
     def inferred_contacts(self) -> Bool[np.ndarray, "t 2"]:
-        """Contact as inferred from sole kinematics, whatever is labelled."""
+        """Contacts inferred from sole kinematics, regardless of labels."""
         return contact_from_sole(self.sole, self.contact) if self.labelled else self.contacts
 
     @property
     def ground_speed(self) -> float:
-        """Mean speed over ground [m/s]; a step to the left and one back do not cancel."""
+        """Mean horizontal speed [m/s]; opposite steps do not cancel."""
         return float(np.hypot(self.commands[:, 0], self.commands[:, 1]).mean())
 
     def largest_share(self, share: float) -> float:
-        """Largest share of this clip's frames where `share` is that of a clip of `least_frames` or more.
+        """Convert a limit on the share of bad frames for a clip of `least_frames` or more to this clip.
 
-        In a short clip one frame is a large share, so that as many frames may be at fault as in `least_frames`; of a
-        very short one that could be all.
+        In a short clip one frame is a large share, so it may have as many bad frames as a clip of `least_frames`, but
+        at most `short_share` of its own.
         """
         as_many = share * self.least_frames / self.clip.frame_count
         return max(share, min(as_many, self.short_share))
 
     def cut(self, start: int, stop: int, settings: MotionSettings) -> Motion:
-        """Frames [start, stop) as a motion of its own: filters and differences don't see the rest."""
+        """Frames [start, stop) as a separate motion: filters and differences do not use the other frames."""
         reference = None if self.reference is None else self.reference.cut(start, stop, self.reference.name)
         clip = self.clip.cut(start, stop, self.clip.name)
         return motion_of(clip, self.robot, settings, reference, self.no_reference)
 
     def mirrored(self, image: RobotClip) -> Motion:
-        """The motion of `image`, the mirror image of this clip, for a robot that is symmetric; no tracked rollout."""
+        """The motion of `image`, the mirror image of this clip, for a symmetric robot; not for tracked rollouts."""
         assert self.reference is None
         sole = dataclasses.replace(
             self.sole,
@@ -149,7 +150,7 @@ def motion_of(
     reference: RobotClip | None = None,
     no_reference: str = NO_ROLLOUT,
 ) -> Motion:
-    """The clip, resampled to 50 Hz by time, with what follows from it; `reference` is at the frames of that."""
+    """Resample the clip to 50 Hz and derive the quantities; `reference` is at the resampled frames."""
     clip = at_database_rate(clip)
     sole = sole_motion(clip, robot)
     velocity, commands = command_velocities(clip.root_pos_w, clip.root_quat_w, clip.fps)
@@ -175,8 +176,8 @@ def motion_of(
 
 
 def at_database_rate(clip: RobotClip) -> RobotClip:
-    """The clip at 50 Hz. Multiples of it lose frames, other rates go through a spline: lines between frames
-    would put all acceleration at the frames."""
+    """Resample to 50 Hz: multiples are decimated, other rates use a spline (linear interpolation would concentrate all
+    acceleration at the frames)."""
     if clip.fps == FPS or clip.fps % FPS == 0:
         return clip.resampled(FPS)
     times_s = time_series.resample_times(clip.frame_count, clip.fps, FPS)

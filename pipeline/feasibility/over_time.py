@@ -1,7 +1,7 @@
-"""How long and how often a motion is over a limit: share of frames, longest time in a row, means over windows.
+"""Duration and frequency of limit violations: share of frames, longest uninterrupted time, means over windows.
 
-Joint by joint, never "any joint in a frame": of twenty joints that each pass a limit for a moment in each stride, one
-does in most frames.
+Each joint is evaluated separately: if twenty joints each exceed a limit for a moment in each stride, some joint does in
+most frames.
 """
 
 from dataclasses import dataclass
@@ -16,16 +16,16 @@ from pipeline.feasibility.motion import Motion
 
 @dataclass(frozen=True, kw_only=True)
 class OverLimit:
-    """Which joints of a motion are over their limits, and when."""
+    """Limit violations of a motion's joints."""
 
     share: Float[np.ndarray, " j"]
-    """Share of each joint's frames."""
+    """Share of each joint's frames over the limit."""
     longest_s: float
-    """Longest time in a row of any joint [s] ..."""
+    """Longest uninterrupted time of any joint over the limit [s]."""
     start_s: float
-    """... where it begins [s] ..."""
+    """Start of that time [s]."""
     joint: int
-    """... and which joint it is."""
+    """Index of that joint."""
     over: Bool[np.ndarray, "t j"]
     fps: float
 
@@ -35,7 +35,7 @@ class OverLimit:
         return int(np.argmax(self.share))
 
     def frames_of_joints_over(self, share: float) -> Bool[np.ndarray, " t"]:
-        """Frames in which a joint whose share is above `share` is over its limit."""
+        """Frames in which a joint with a share above `share` is over its limit."""
         return np.any(self.over[:, self.share > share], axis=1)
 
     def frames_of_runs_over(self, run_s: float) -> Bool[np.ndarray, " t"]:
@@ -61,13 +61,13 @@ def share_and_run(
     motion: Motion,
     texts: tuple[str, str],
 ) -> tuple[Verdict, Verdict]:
-    """Two verdicts on joints that are over a limit: largest share of a joint's frames, and longest time in a row.
+    """Two verdicts on joints over a limit: largest share of a joint's frames, and longest uninterrupted time.
 
     Args:
-        codes: of the share and of the run
+        codes: criteria of the share and of the run
         over: frames in which each joint is over its limit
-        limits: largest share of a joint's frames, and longest time in a row [s]
-        motion: whose frames they are
+        limits: largest share of a joint's frames, and longest time [s]
+        motion: the motion
         texts: sentences with `{joint}`, `{percent}` of its frames, `{start_s}` and `{run_s}`
     """
     found, names = over_limit(over, motion), motion.robot.joint_names
@@ -91,8 +91,8 @@ def share_and_run(
 
 
 def windowed_mean(values: Float[np.ndarray, "t ..."], width: int) -> Float[np.ndarray, "t ..."]:
-    """Mean over `width` frames (odd) about each frame. At the ends of the clip windows are shifted, not
-    shortened, as differences are roughest there; a clip that is shorter than a window is one window."""
+    """Mean over `width` frames (odd) centred at each frame. At the ends, windows are shifted, not shortened, as finite
+    differences are noisiest there; a clip shorter than a window is one window."""
     if len(values) <= width:
         return np.broadcast_to(values.mean(axis=0), values.shape).copy()
     half = width // 2
@@ -101,7 +101,7 @@ def windowed_mean(values: Float[np.ndarray, "t ..."], width: int) -> Float[np.nd
 
 
 def odd_width(seconds: float, fps: float) -> int:
-    """Frames of a window about a frame that reaches half of `seconds` to either side, and no further."""
+    """Largest odd number of frames of a window that extends at most `seconds` / 2 to either side."""
     return 2 * int(seconds * fps / 2.0 + 1e-9) + 1
 
 

@@ -1,4 +1,4 @@
-"""KP5 on one clip: judged as a whole, cut where frames are to blame, the rest judged again on its own."""
+"""KP5 for one clip: evaluate it as a whole, cut the bad frames, evaluate the remaining stretches separately."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from pipeline.robot.size import scaled
 
 @dataclass(frozen=True, kw_only=True)
 class _Stretch:
-    """Part of the input [start, stop) that holds on its own."""
+    """Part of the input [start, stop) that passes all criteria by itself."""
 
     start: int
     stop: int
@@ -34,12 +34,12 @@ class _Stretch:
 
 @dataclass(frozen=True, kw_only=True)
 class _Gathered:
-    """What is gathered while a clip is judged and cut."""
+    """Results collected while a clip is evaluated and cut."""
 
     reasons: list[Reason]
     judgements: list[Judgement]
     of_clip: tuple[Result, ...]
-    """Results on likeness, and on how much of its reference a rollout followed: they are of the whole clip."""
+    """Results for the whole clip: likeness, and the share of its reference that a rollout followed."""
 
 
 def process(
@@ -51,16 +51,14 @@ def process(
     references: References = no_references,
     prepared: LastAssessed | None = None,
 ) -> Outcome:
-    """What of a clip the robot can do, with a number a criterion and every reason against the rest.
+    """The feasible parts of a clip, with a number per criterion and all reasons against the rest.
 
-    A clip that holds goes on whole and under its name. Else the frames that broken criteria blame are cut out
-    with a margin, and stretches of `settings.cut.min_seconds` or more are judged again as clips of their own;
-    those that hold go on as `<name>+<n>`. So everything that goes on satisfies all criteria by itself. A clip
-    that KP3 could not bring close enough to the human does not go on at all. All criteria on every stretch that was
-    judged are one of the numbers, as text (`judgement.NUMBER`). `references` has the motions that rollouts tracked.
-    Thresholds are scaled to the robot (`pipeline.robot.size`). A mirror image is evaluated by the motion that it shows,
-    which `prepared` may have (`pipeline.feasibility.image`).
-    Raises ClipError where the clip is not this robot's or holds numbers that are not finite.
+    A clip that passes all criteria is kept whole, under its name. Otherwise bad frames are cut with a margin, and
+    stretches of `settings.cut.min_seconds` or more are evaluated again as separate clips; those that pass are kept as
+    `<name>+<n>`. So every kept clip satisfies all criteria by itself. A clip that is not similar enough to the human
+    (numbers of KP3) is rejected as a whole. The results of all criteria on every evaluated stretch are stored as text
+    among the numbers (`judgement.NUMBER`). Thresholds are scaled to the robot (`pipeline.robot.size`).
+    Raises ClipError if the clip is not of this robot or has values that are not finite.
     """
     _check(clip, robot)
     settings = scaled(settings, robot)
@@ -94,7 +92,7 @@ def process(
 def _judge(
     found: Assessment, offset: int, settings: FeasibilitySettings, gathered: _Gathered, cuts_left: int
 ) -> list[_Stretch]:
-    """Stretches of a motion that hold; `offset` is its first frame in the input."""
+    """Stretches of a motion that pass all criteria; `offset` is its first frame in the input."""
     motion = found.motion
     count, fps = motion.clip.frame_count, motion.clip.fps
     (own_length,) = length(count / fps, settings.cut)
@@ -116,12 +114,12 @@ def _judge(
 
 
 def _with_piece(judgement: Judgement, names: Mapping[tuple[float, float], str]) -> Judgement:
-    """The judgement with the name of the clip that went on from its stretch, of those by start and end [s]."""
+    """Add the name of the piece made from the stretch; `names` has the pieces by start and end [s]."""
     return msgspec.structs.replace(judgement, piece=names.get((judgement.start_s, judgement.stop_s), ""))
 
 
 def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple[int, int]]:
-    """Stretches that are left when bad frames and their margins are gone and that are long enough."""
+    """Stretches [start, stop) between bad frames and their margins that are long enough."""
     margin = round(settings.margin_s * fps)
     wide = np.convolve(bad, np.ones(2 * margin + 1), mode="same") > 0.5
     shortest = settings.min_seconds * fps
@@ -129,13 +127,14 @@ def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple
 
 
 def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Numbers) -> Piece:
-    """A stretch as a clip, with its place in the variant [s]: frame k of it is at `stretch_start_s` + k / 50 there.
+    """A stretch as a clip, with its position in the variant [s]: its frame k is at `stretch_start_s` + k / 50 there.
 
-    The input may be a stretch of it already, and a rollout of KP4 has its place in its reference, too.
+    The input may already be a stretch of the variant; for a rollout of KP4 its position in the reference is kept as
+    well.
     """
     whole = stretch.stop - stretch.start == motion.clip.frame_count
     name = motion.clip.name if whole else f"{motion.clip.name}+{index}"
-    clip = dataclasses.replace(stretch.assessment.motion.clip, name=name)  # the very arrays that were evaluated
+    clip = dataclasses.replace(stretch.assessment.motion.clip, name=name)  # exactly the evaluated arrays
     found = stretch.assessment.numbers
     fps = motion.clip.fps
     before_s = float(numbers.get("stretch_start_s") or 0.0)

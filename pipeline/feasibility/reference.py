@@ -1,8 +1,9 @@
-"""The motion that a rollout tracked, brought to the rollout's frames.
+"""The motion that a rollout tracked, sampled at the rollout's frames.
 
-A rollout of KP4 names its reference among the clips (`reference`) and the frame it begins at. For a recorded rollout
-the catalogue names the motion by content (`tracks_content`, pipeline.readers.listing); both begin together. Where a
-window, a piece or a variant of a recording is evaluated, the reference is sampled at the same times and mirrored alike.
+The numbers of a KP4 rollout name its reference clip (`reference`) and the frame at which it begins. For a recorded
+rollout the catalogue identifies the motion by content (`tracks_content`, pipeline.readers.listing); both begin at the
+same time. For a window, piece or variant of a recording, the reference is sampled at the same times and mirrored if the
+variant is.
 """
 
 import dataclasses
@@ -22,25 +23,25 @@ from pipeline.robot import Robot
 from pipeline.robot.mirror_image import mirror_clip
 
 CLIP = "reference"
-"""Number of a rollout of KP4 that names the clip it tracked."""
+"""Key of the number of a KP4 rollout with the name of the tracked clip."""
 
 FRAME = "reference_frame"
-"""Number of a rollout of KP4, or of a piece of one: the frame of that clip at which it begins."""
+"""Key of the number of a KP4 rollout, or a piece of one, with the frame of that clip at which it begins."""
 
 CONTENT = "tracks_content"
-"""Number of a recording that names the motion it tracked, by the digest of its file and of what is stated of it."""
+"""Key of the number of a recording with the content digest of the tracked motion (file and its source entry)."""
 
 PERTURBED = "a rollout that was changed on purpose"
 
 _OWN_VARIANT = re.compile(r"original|mirror|x[0-9.]+")
-"""Parts of the name of a variant that shows the recorded motion."""
+"""Name parts of a variant that does not change the motion."""
 
 References = Callable[[str], RobotClip]
-"""The reference motion of a clip's name or of a content. Raises ReferenceGoneError."""
+"""Function from a clip's name or a content digest to the reference motion. Raises ReferenceGoneError."""
 
 
 class ReferenceGoneError(PipelineError):
-    """A reference that was there when the recording was catalogued."""
+    """Raised for a reference that has disappeared since the recording was catalogued."""
 
     def __init__(self, content: str):
         super().__init__(
@@ -51,11 +52,11 @@ class ReferenceGoneError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredReferences:
-    """References in the store, for any process. A blob that is missing or damaged there raises StoreError."""
+    """References in the store, usable in any process. A missing or damaged blob raises StoreError."""
 
     store: Store
     blobs: Mapping[str, str]
-    """Name or content -> blob."""
+    """Name or content digest -> blob digest."""
 
     def __call__(self, content: str) -> RobotClip:
         if content not in self.blobs:
@@ -66,20 +67,20 @@ class StoredReferences:
 
 
 def no_references(content: str) -> RobotClip:
-    """Where none are at hand."""
+    """`References` without any motion: always raises ReferenceGoneError."""
     raise ReferenceGoneError(content)
 
 
 def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: References) -> RobotClip | None:
-    """The reference at each frame of a clip; None where the clip is no tracked rollout,
-    or a variant that was changed on purpose.
+    """The reference at each frame of a clip; None for a clip that is not a tracked rollout, and for a perturbed
+    variant.
 
     Args:
         clip: the rollout, a window of it or a variant
-        numbers: of earlier stages on it: `fps` and `start_frame` of the recording, `time_scale`, `mirrored`, and
-            `stretch_start_s` of what left KP5 already
-        robot: whose joints both have
-        references: the motions by content
+        numbers: numbers of earlier stages: `fps` and `start_frame` of the recording, `time_scale`, `mirrored`, and
+            `stretch_start_s` for a piece of KP5
+        robot: robot of both motions
+        references: reference motions by name or content digest
     """
     if numbers.get(CLIP):
         return _of_rollout(clip, numbers, references)
@@ -106,17 +107,17 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
 
 
 def why_none(numbers: Numbers) -> str:
-    """Why a clip has no reference, where `reference_of` finds none."""
+    """Why `reference_of` returns None for a clip."""
     return PERTURBED if numbers.get(CONTENT) else NO_ROLLOUT
 
 
 def _of_rollout(clip: RobotClip, numbers: Numbers, references: References) -> RobotClip:
-    """The frames that a rollout of KP4, or a piece of one, tracked."""
+    """The reference frames that a KP4 rollout, or a piece of one, tracked."""
     start = int(numbers.get(FRAME) or 0)
     return references(str(numbers[CLIP])).cut(start, start + clip.frame_count, clip.name)
 
 
 def is_perturbed(numbers: Numbers) -> bool:
-    """Whether a variant moves otherwise than what was recorded, not just mirrored or at another speed."""
+    """Whether a variant's motion differs from the recording by more than mirroring or time scaling."""
     parts = str(numbers.get("variant") or "original").split("~")
     return not all(_OWN_VARIANT.fullmatch(part) for part in parts)

@@ -1,4 +1,4 @@
-"""Criteria of the root link: height, tilt, speeds, acceleration, jerk. All on the low-passed root."""
+"""Criteria on the low-passed root link: height, tilt, speeds, acceleration, jerk."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -17,10 +17,10 @@ GROUP = "root motion"
 
 @dataclass(frozen=True, kw_only=True)
 class RootSettings(RootFilter):
-    """The root link, low-passed at `cutoff_hz`."""
+    """Limits for the root link, low-passed at `cutoff_hz`."""
 
     height: Annotated[tuple[float, float], Range(0.0, 3.0), Unit("of the standing height")]
-    """Lowest and highest root over the default root height."""
+    """Lowest and highest root height relative to the default root height."""
     tilt_deg: Degrees
     """Largest angle from upright [deg]."""
     speed: Annotated[float, Range(0.0, 15.0, open_low=True), Unit("m/s")]
@@ -55,7 +55,7 @@ class RootSettings(RootFilter):
     ),
 )
 def root_height(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdict]:
-    """Lowest and highest root over the default height."""
+    """Lowest and highest root height relative to the default root height."""
     ratio = motion.smooth_root_pos_w[:, 2] / motion.robot.default_root_height
     low, high = settings.height
     name = motion.robot.root_link
@@ -87,7 +87,7 @@ def root_tilt(motion: Motion, settings: RootSettings) -> tuple[Verdict, ...]:
     Criterion("root_acceleration", GROUP, "root.acceleration", "m/s^2", "acceleration of the root, low-passed"),
 )
 def root_speeds(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdict, Verdict]:
-    """Speed, angular speed and acceleration: a jump of the root shows in all of them."""
+    """Speed, angular speed and acceleration: a jump of the root affects all of them."""
     fps = motion.clip.fps
     velocity = time_series.derivative(motion.smooth_root_pos_w, fps)
     speed = rotation.length(velocity)

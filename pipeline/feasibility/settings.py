@@ -1,4 +1,4 @@
-"""`data/feasibility.yaml` as a whole. Importing this module registers every criterion."""
+"""Settings of KP5, read from `data/feasibility.yaml`. Importing this module registers all criteria."""
 
 import typing
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ from pipeline.robot.size import RobotSize
 
 @dataclass(frozen=True, kw_only=True)
 class FeasibilitySettings:
-    """Thresholds and parameters of the criteria, section by section, and of the weights. Criteria are evaluated in the
-    order of their sections."""
+    """Thresholds and parameters of the criteria, by section, and of the weights. Criteria are evaluated in the order of
+    the sections."""
 
     calibrated_on: RobotSize
-    """The robot that the thresholds hold for; `pipeline.robot.size.scaled` gives those of another one."""
+    """Robot that the thresholds are valid for; `pipeline.robot.size.scaled` converts them for another one."""
     cut: CutSettings
     likeness: LikenessSettings
     joints: JointSettings
@@ -38,7 +38,7 @@ class FeasibilitySettings:
 
 
 def fault_of(criterion: Criterion, kind: type[FeasibilitySettings] = FeasibilitySettings) -> str:
-    """What is wrong with a criterion's threshold (no such field, another unit); empty if nothing is."""
+    """Error in a criterion's threshold (no such field, another unit); empty if there is none."""
     section, _, name = criterion.limit.partition(".")
     fields: Any = typing.get_type_hints(typing.get_type_hints(kind).get(section, object), include_extras=True)
     units = [remark.name for remark in getattr(fields.get(name), "__metadata__", ()) if isinstance(remark, Unit)]

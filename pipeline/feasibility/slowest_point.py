@@ -1,9 +1,8 @@
-"""How fast a foot slides: the speed of the point of its sole that slides least.
+"""Slip of a foot: the least horizontal speed over the part of its sole that is on the ground.
 
-A foot that turns on the spot slides at its corners and stands at a point between them, and a foot that rolls stands
-where it touches. Neither slides away. So the slip of a foot is the least horizontal speed over the part of the sole
-that is on the ground. Velocity is linear over a rigid sole: those of this part fill the polygon of its corners'
-velocities, and the least is the distance of that polygon from zero.
+A pivoting foot slides at its corners but is at rest at a point between them, and a rolling foot is at rest where it
+touches; neither slips. The velocity is linear over a rigid sole, so the velocities of the part on the ground fill the
+convex polygon of its corners' velocities, and the slip is the distance of that polygon from zero.
 """
 
 import functools
@@ -16,17 +15,17 @@ from pipeline.quality.sole import SoleMotion
 
 
 def slowest_point_speed(sole: SoleMotion, level_m: float) -> Float[np.ndarray, "t 2"]:
-    """Least horizontal speed [m/s] over the part of each sole that is level with its lowest corner: corners by less
-    than `level_m` above it [m] are on the ground with it."""
+    """Least horizontal speed [m/s] over the part of each sole on the ground: corners less than `level_m` [m] above the
+    lowest one."""
     height = sole.corner_pos_w[..., 2]
     level = height <= height.min(axis=2, keepdims=True) + level_m
     return distance_from_zero(sole.corner_vel_w[..., :2], level)
 
 
 def distance_from_zero(points: Float[np.ndarray, "*n c 2"], taken: Bool[np.ndarray, "*n c"]) -> Float[np.ndarray, "*n"]:
-    """Distance of the convex hull of the points that are `taken` from zero: 0 where it holds it, infinite without any.
+    """Distance of the convex hull of the `taken` points from the origin: 0 if it contains it, inf without points.
 
-    The nearest point of the hull is a point, lies on the line between two, or is zero within a triangle of three.
+    The nearest point of the hull is one of the points, is on the line between two, or the origin within a triangle.
     """
     x, y = points[..., 0], points[..., 1]
     best = np.where(taken, np.sqrt(x * x + y * y), np.inf).min(axis=-1)
@@ -46,8 +45,8 @@ def distance_from_zero(points: Float[np.ndarray, "*n c 2"], taken: Bool[np.ndarr
 
 @functools.cache
 def _lines_and_triangles(corners: int) -> tuple[Int[np.ndarray, "..."], ...]:
-    """Indices for a number of points: first and second end of each line between two of them (l,), corners of each
-    triangle (k, 3), and its sides as numbers of lines (k, 3), the last one reversed."""
+    """Indices for a number of points: both ends of each line between two of them (l,), corners of each triangle (k, 3),
+    and its sides as indices of lines (k, 3), the last one reversed."""
     pairs, threes = list(combinations(range(corners), 2)), list(combinations(range(corners), 3))
     sides = [[pairs.index(ends) for ends in ((one, two), (two, three), (one, three))] for one, two, three in threes]
     first, second = np.array(pairs, dtype=int).reshape(-1, 2).T

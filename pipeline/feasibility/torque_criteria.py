@@ -1,4 +1,4 @@
-"""Criteria of the forces that a simulation recorded: motor saturation, and whether contacts explain the motion."""
+"""Criteria on simulated forces: motor saturation, and consistency of contact forces with the motion."""
 
 import functools
 from dataclasses import dataclass
@@ -25,16 +25,16 @@ CODES = ("torque_saturation_share", "torque_saturation_run_s", "force_residual")
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueSettings:
-    """Motor torques and contact forces of a rollout, as its simulation recorded them."""
+    """Limits for a rollout's motor torques and contact forces."""
 
     saturation: Annotated[float, Range(0.5, 1.0), Unit("of the torque limit")]
-    """A motor is saturated where it gives more than this of its limit."""
+    """Share of the torque limit above which a motor is saturated."""
     saturation_share: ShareOfFrames
     """Largest share of a joint's frames in which its motor is saturated."""
     saturation_run_s: Seconds
-    """Longest time that a motor may be saturated without a break [s]."""
+    """Longest uninterrupted saturation of a motor [s]."""
     force_residual: Annotated[float, POSITIVE, Unit("of the weight")]
-    """Largest mean over a window of the force that contacts and pushes do not explain, over the weight."""
+    """Largest windowed mean of the force not explained by contacts and pushes, relative to the robot's weight."""
     residual_window_s: Annotated[float, Range(0.02, 10.0), Unit("s")]
     """Length of the window [s]."""
 
@@ -57,7 +57,7 @@ class TorqueSettings:
     ),
 )
 def recorded_forces(motion: Motion, settings: TorqueSettings) -> tuple[Result, ...]:
-    """Verdicts on a rollout's torques and contact forces; skipped for a motion that no simulation made."""
+    """Verdicts on a rollout's torques and contact forces; skipped for a motion without simulated forces."""
     forces = motion.clip.forces
     if forces is None:
         return tuple(Skipped(code=code, not_applicable=NO_FORCES) for code in CODES)
@@ -93,8 +93,8 @@ def _force_residual(motion: Motion, forces: SimulatedForces, settings: TorqueSet
 def unexplained_force(motion: Motion, forces: SimulatedForces) -> Float[np.ndarray, "t 3"]:
     """Newton's second law at the centre of mass: m a minus weight, contact forces and pushes [N].
 
-    The acceleration is the second difference of the centre of mass over three frames, which weighs the forces of the
-    control steps before and after the middle frame alike. The first and last frame repeat their neighbour.
+    The acceleration is the second difference of the centre of mass over three frames, which weights the forces of the
+    control steps before and after the middle frame equally. The first and last frame repeat their neighbour.
     """
     clip, mass = motion.clip, motion.robot.total_mass
     com = centre_of_mass(motion.robot, clip.root_pos_w, clip.root_quat_w, clip.joint_pos)

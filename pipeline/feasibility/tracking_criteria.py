@@ -1,9 +1,9 @@
-"""Criteria of tracking: how far a rollout is from the motion that it tracked, and whether it comes back.
+"""Criteria on tracking: the error of a rollout to its reference, and whether it recovers.
 
-Joints are compared as they are; key bodies (links, hands, soles) relative to the root, seen in its heading. Root
-height, the vertical in the root's frame and the heights of hands and soles are compared as BeyondMimic does where it
-ends an episode. The root's path is compared after the horizontal shift and turn that fit it best, so that place and
-heading do not count, but a step that is too short does.
+Joint angles are compared directly; key bodies (links, hands, soles) relative to the root in its heading frame. Root
+height, gravity direction in the root's frame and the heights of hands and soles are compared as in BeyondMimic's
+terminations. The root's path is compared after the best horizontal rigid fit, so that position and heading do not
+count, but short steps do.
 """
 
 from dataclasses import dataclass
@@ -44,28 +44,28 @@ _Length = Annotated[float, Range(0.0, 2.0, open_low=True), Unit("m"), LENGTH]
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingSettings:
-    """How far a rollout may be from its reference, frame by frame at the same time."""
+    """Limits for the error of a rollout to its reference at the same time."""
 
     followed: ShareOfFrames
     """Least share of its reference that a rollout follows before tracking fails."""
     window_s: Annotated[float, Range(0.02, 10.0), Unit("s")]
-    """The worst stretch of this length counts, and the last one [s]."""
+    """Length of the windows for means; the worst and the last window are evaluated [s]."""
     joint_p95: _Angle
-    """95th percentile over frames of the joints' root mean square error [rad]."""
+    """Largest 95th percentile over frames of the joints' RMS error [rad]."""
     joint_worst: _Angle
-    """Largest mean of it over a window [rad]."""
+    """Largest windowed mean of the joints' RMS error [rad]."""
     body_p95: _Length
-    """95th percentile over frames of the error of the key body that is furthest off, relative to the root [m]."""
+    """Largest 95th percentile over frames of the largest key body error, relative to the root [m]."""
     body_worst: _Length
-    """Largest mean of it over a window [m]."""
+    """Largest windowed mean of the largest key body error [m]."""
     growth: _Length
-    """Largest difference of its mean over the last window and its median over windows [m]."""
+    """Largest difference between that mean of the last window and its median over windows [m]."""
     away_s: Seconds
-    """Longest time in a row that it may be above `body_p95` [s]."""
+    """Longest uninterrupted time of that error above `body_p95` [s]."""
     root_height: _Length
     """Largest difference of the root's height [m]."""
     gravity: Annotated[float, Range(0.0, 2.0, open_low=True), Unit("-")]
-    """Largest difference of the vertical in the root's frame, along its z axis."""
+    """Largest difference of the z component of the gravity direction in the root's frame."""
     end_height: _Length
     """Largest difference in height of a hand or a sole [m]."""
     path: _Length
@@ -74,20 +74,20 @@ class TrackingSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingError:
-    """Of each frame."""
+    """Tracking error of each frame."""
 
     joint: Float[np.ndarray, " t"]
-    """Root mean square over the controlled joints [rad]."""
+    """RMS error over the controlled joints [rad]."""
     body: Float[np.ndarray, " t"]
-    """Of the key body that is furthest off, relative to the root in its heading [m]."""
+    """Largest key body error, relative to the root in its heading frame [m]."""
     root_height: Float[np.ndarray, " t"]
-    """[m]"""
+    """Error of the root height [m]."""
     gravity: Float[np.ndarray, " t"]
-    """Of the vertical in the root's frame, along its z axis."""
+    """Error of the z component of the gravity direction in the root's frame."""
     end_height: Float[np.ndarray, " t"]
-    """Of the hand or sole that is furthest off in height [m]."""
+    """Largest height error of hands and soles [m]."""
     path: Float[np.ndarray, " t"]
-    """Horizontal distance of the root after the best horizontal fit of both paths [m]."""
+    """Horizontal distance of the root after the best horizontal rigid fit of both paths [m]."""
 
 
 @criterion(
@@ -103,7 +103,7 @@ class TrackingError:
     )
 )
 def followed(numbers: Numbers, settings: TrackingSettings) -> tuple[Result, ...]:
-    """The verdict on how much of its reference a rollout of KP4 followed; skipped for any other motion."""
+    """Verdict on the share of its reference that a KP4 rollout followed; skipped for other motions."""
     share = numbers.get("followed_share")
     if share is None:
         return (Skipped(code="tracking_followed", not_applicable=NOT_CUT if numbers.get(CONTENT) else NO_ROLLOUT),)
@@ -135,7 +135,7 @@ CRITERIA = (
 
 @criterion(*CRITERIA)
 def tracking(motion: Motion, settings: TrackingSettings) -> tuple[Result, ...]:
-    """Verdicts on a tracked rollout; skipped where no reference is known."""
+    """Verdicts on a tracked rollout; skipped without a reference."""
     if motion.reference is None:
         return tuple(Skipped(code=each.code, not_applicable=motion.no_reference) for each in CRITERIA)
     error = tracking_error(motion.clip, motion.reference, motion.robot)
@@ -157,7 +157,7 @@ def tracking(motion: Motion, settings: TrackingSettings) -> tuple[Result, ...]:
 
 
 def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> TrackingError:
-    """Error of a rollout at each frame against its reference at the same frame."""
+    """Error of a rollout to its reference at each frame."""
     moved = robot.controlled_index
     joint = np.sqrt(np.mean((clip.joint_pos - reference.joint_pos)[:, moved] ** 2, axis=1))
     here, there = _key_bodies(clip, robot), _key_bodies(reference, robot)
@@ -174,7 +174,7 @@ def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> Track
 
 
 def _path_distance(path_w: Float[np.ndarray, "t 2"], reference_w: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, " t"]:
-    """Distance at each frame after the shift and turn in the plane with the least sum of squares (Kabsch) [m]."""
+    """Distance at each frame after the planar rigid fit with the least sum of squares (Kabsch) [m]."""
     here, there = path_w - path_w.mean(axis=0), reference_w - reference_w.mean(axis=0)
     turn = np.arctan2(np.sum(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]), np.sum(here * there))
     cos, sin = np.cos(turn), np.sin(turn)
@@ -183,7 +183,7 @@ def _path_distance(path_w: Float[np.ndarray, "t 2"], reference_w: Float[np.ndarr
 
 
 def _key_bodies(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t k 3"]:
-    """Key links, then hands and soles, relative to the root in its heading [m]."""
+    """Positions of key links, hands and soles relative to the root, in its heading frame [m]."""
     kinematics = Kinematics(robot)
     poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     links = poses.pos_w[:, [robot.link(name) for name in robot.key_links]]
@@ -193,7 +193,7 @@ def _key_bodies(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t k 3"]:
 
 
 def _up_b(clip: RobotClip) -> Float[np.ndarray, "t 3"]:
-    """The vertical in the root's frame."""
+    """The world's z axis in the root's frame."""
     return rotation.rotate_inverse(clip.root_quat_w, np.array([0.0, 0.0, 1.0]))
 
 
@@ -216,7 +216,7 @@ def _peak(name: str, values: np.ndarray, limit: float, text: str) -> Verdict:
 
 
 def _growth(means: np.ndarray, settings: TrackingSettings, motion: Motion) -> Verdict:
-    """How much further off the last window is than most; the frames since it left them are to blame."""
+    """Verdict on the error of the last window relative to the median; marks the frames since the error grew."""
     usual = float(np.median(means))
     value = max(float(means[-1]) - usual, 0.0)
     near = np.flatnonzero(means <= usual + settings.growth)
@@ -229,7 +229,7 @@ def _growth(means: np.ndarray, settings: TrackingSettings, motion: Motion) -> Ve
 
 
 def _away(body: np.ndarray, settings: TrackingSettings, motion: Motion) -> Verdict:
-    """Longest time that it does not come back."""
+    """Verdict on the longest time without recovery."""
     fps = motion.clip.fps
     spans = time_series.runs(body > settings.body_p95)
     longest = max(spans, key=lambda span: span[1] - span[0], default=(0, 0))

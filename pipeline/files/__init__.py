@@ -1,1 +1,1 @@
-"""Files: atomic writes, content-addressed blobs, manifests, settings. No clip maths."""
+"""File access without clip types: atomic writes, digests, blob store, arrays, settings."""

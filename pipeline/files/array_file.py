@@ -1,4 +1,4 @@
-"""Named arrays of a file, checked when they are taken, whatever the file's format."""
+"""Named arrays of a file of any format, checked on access."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -10,14 +10,14 @@ from pipeline.errors import FileError
 from pipeline.files import page_memory
 
 ROWS_AT_ONCE = 4096
-"""Rows that are converted together: what is in between takes little memory."""
+"""Rows per batch of a conversion, which limits the memory for intermediate results."""
 
 LARGEST = 1e9
-"""Larger numbers are no quantity of a motion in any unit; they are taken for missing, as NaN and infinity are."""
+"""Largest plausible number of a motion in any unit; larger ones count as missing, like NaN and infinity."""
 
 
 def known_numbers(values: np.ndarray) -> np.ndarray:
-    """The numbers of a file, NaN in place of what is not finite or larger than `LARGEST`."""
+    """Replace values that are not finite or exceed `LARGEST` by NaN."""
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(values) <= LARGEST, values, np.nan)
 
@@ -31,23 +31,24 @@ class ArrayFile(ABC):
 
     @abstractmethod
     def stored(self, name: str) -> np.ndarray:
-        """One array as the file stores it. Raises FileError when it is missing, or damaged, or of objects."""
+        """One array as stored. Raises FileError if it is missing, damaged or has objects."""
 
     def array(self, name: str) -> np.ndarray:
-        """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
+        """One array; numbers as float64. Raises FileError if it is missing, damaged or has objects."""
         value = self.stored(name)
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
     def has(self, *names: str) -> bool:
-        """All of the names are there."""
+        """Whether all of the names exist."""
         return all(name in self.shapes for name in names)
 
     def first(self, *names: str) -> str | None:
-        """The first of the names that is there."""
+        """The first of the names that exists."""
         return next((name for name in names if name in self.shapes), None)
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """A float array whose shape is `shape` (None: any length); what is not finite or too large becomes NaN."""
+        """A float array whose shape is `shape` (None: any length); values that are not finite or too large become
+        NaN."""
         value = self.stored_numbers(name, *shape)
         found = page_memory.empty(value.shape)
         for start in range(0, len(value), ROWS_AT_ONCE):
@@ -55,21 +56,20 @@ class ArrayFile(ABC):
         return found
 
     def stored_numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """An array of numbers of that shape as the file stores it (`finite_rows`). Raises FileError for any other."""
+        """An array of numbers of that shape as stored (for `finite_rows`). Raises FileError for any other."""
         value = self.stored(name)
         fits = len(shape) == value.ndim and all(
-            wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
+            length in (None, rows) for length, rows in zip(shape, value.shape, strict=True)
         )
         if value.dtype.kind not in "fiu" or not fits:
-            wanted = "×".join("n" if length is None else str(length) for length in shape)
-            problem = (
-                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, expected {wanted} numbers."
-            )
+            expected = "×".join("n" if length is None else str(length) for length in shape)
+            got = "×".join(map(str, value.shape))
+            problem = f"'{name}' is of {value.dtype} with shape {got}, expected {expected} numbers."
             raise FileError(self.path, problem)
         return value
 
     def refuse_other_length(self, name: str, than: str, frames: int) -> None:
-        """Raises FileError where the array `name` is there and has not `frames` rows as the array `than` has."""
+        """Raise FileError if the array `name` exists and does not have `frames` rows, as the array `than` has."""
         shape = self.shapes.get(name, (frames,))
         if not shape or shape[0] != frames:
             problem = f"'{name}' has {shape[0] if shape else 'no'} rows and '{than}' has {frames}."
@@ -83,12 +83,12 @@ class ArrayFile(ABC):
         return float(value.reshape(-1)[0])
 
     def optional_number(self, *names: str) -> float | None:
-        """The number under the first of the names that is there."""
+        """The number of the first name that exists."""
         name = self.first(*names)
         return None if name is None else self.number(name)
 
     def optional_texts(self, *names: str) -> tuple[str, ...] | None:
-        """The list of names under the first of the names that is there."""
+        """The list of names of the first name that exists."""
         name = self.first(*names)
         return None if name is None else self.texts(name)
 
@@ -101,6 +101,6 @@ class ArrayFile(ABC):
 
 
 def finite_rows(value: np.ndarray, start: int, stop: int) -> np.ndarray:
-    """Rows [start, stop) of an array of numbers as float64; what is not finite or too large becomes NaN."""
+    """Rows [start, stop) of an array of numbers as float64; values that are not finite or too large become NaN."""
     with np.errstate(invalid="ignore"):  # signalling NaN
         return known_numbers(value[start:stop].astype(float))

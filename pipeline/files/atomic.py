@@ -1,7 +1,7 @@
-"""Writes that are whole or not there: aside, synced, then renamed, and the rename synced.
+"""Atomic writes: write a temporary file, sync it, rename it, sync the folder.
 
-What can be made again is written without (`write_unsynced`): the memo of the batch layer, its blobs, and shards until a
-manifest names them (`sync`).
+Files that can be recomputed are written without syncing (`write_unsynced`): the memo of the batch layer, its blobs, and
+shards until a manifest references them (`sync`).
 """
 
 import contextlib
@@ -17,11 +17,11 @@ from pathlib import Path
 from pipeline.errors import FileError
 
 READABLE = 0o644
-"""Permissions of a file that is written: everybody may read it."""
+"""Permissions of written files: readable by everybody."""
 
 
 SYNCED_AT_A_TIME = 16
-"""Threads that wait for the disk."""
+"""Number of threads for syncing."""
 
 
 def write_bytes(path: Path, data: bytes, mode: int = READABLE) -> None:
@@ -30,11 +30,11 @@ def write_bytes(path: Path, data: bytes, mode: int = READABLE) -> None:
 
 
 def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE) -> None:
-    """Write `parts`, one after the other, to `path` so that a reader sees the old file or the new one, never a part.
+    """Write the concatenated `parts` to `path` atomically: a reader sees the old file or the new one.
 
-    The new name is on the disk when this returns, so that what is written later can't survive a power cut that this
-    does not. Raises FileError (with the free space) when the disk refuses, and what `parts` raises; the old file stays
-    then, unless it was the folder that could not be synced.
+    The rename is synced on return, so that no later write survives a power failure that this one does not. Raises
+    FileError (with the free space) on disk errors, and the errors of `parts`; the old file is then unchanged, unless
+    syncing the folder failed.
     """
     aside: str | None = None
     try:
@@ -60,10 +60,10 @@ def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE) -> Non
 
 @contextlib.contextmanager
 def only_writer(path: Path) -> Iterator[None]:
-    """Keep other writers of the file waiting, from reading it to writing what was changed. Makes its folder.
+    """Lock for read-modify-write access to the file; other writers wait. Creates its folder.
 
-    The lock is on the folder, since `path` is another file after each write; so writers of two files of one folder wait
-    for each other, and locks must not be nested. Raises FileError where the disk refuses.
+    The lock is on the folder, since each write replaces the file; so writers of two files of one folder wait for each
+    other, and locks must not be nested. Raises FileError on disk errors.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -81,14 +81,14 @@ def only_writer(path: Path) -> Iterator[None]:
 
 
 def write_unsynced(path: Path | str, data: bytes, time_ns: int | None = None) -> None:
-    """Write `data` so that a reader sees the old file or the new one; a power cut may tear or lose it.
+    """Write `data` so that a reader sees the old file or the new one; a power failure may damage or lose it.
 
-    Raises FileError as `write_parts` does. Paths are texts here, since it is called for each clip of each stage.
+    Raises FileError as `write_parts` does. Accepts strings as paths for speed, as it is called for each clip.
 
     Args:
         path: the file
         data: its content
-        time_ns: its time since the epoch [ns]; without it that of writing
+        time_ns: its modification time since the epoch [ns]; default: now
     """
     folder, name = os.path.split(path)
     aside = f"{folder}/.{name}.{os.urandom(8).hex()}.part"  # machines that share a folder may have equal process ids
@@ -113,7 +113,7 @@ def write_unsynced(path: Path | str, data: bytes, time_ns: int | None = None) ->
 
 
 def sync(paths: Sequence[Path | str]) -> None:
-    """Bring files and the names in their folders to the disk; many at a time, which the disk writes together.
+    """Sync files and their folders to the disk, in parallel threads.
 
     Raises OSError.
     """
@@ -129,7 +129,7 @@ def _sync_all(paths: Iterable[Path | str]) -> None:
 
 
 def _room(folder: Path) -> str:
-    """What is left for files in a folder, or in the first above it that can be asked."""
+    """Free space of a folder, or of the nearest existing folder above it, as text."""
     for each in (folder, *folder.parents):
         with contextlib.suppress(OSError):
             stats = os.statvfs(each)
@@ -139,7 +139,7 @@ def _room(folder: Path) -> str:
 
 
 def _missing_folders(folder: Path) -> list[Path]:
-    """`folder` and those above it that are not there yet."""
+    """`folder` and its ancestors that do not exist yet."""
     missing = []
     while not folder.exists():
         missing.append(folder)
@@ -148,7 +148,7 @@ def _missing_folders(folder: Path) -> list[Path]:
 
 
 def _sync_path(path: Path | str) -> None:
-    """Bring a file to the disk; of a folder the names in it, where the file system can."""
+    """Sync a file, or a folder's entries if the file system supports it."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

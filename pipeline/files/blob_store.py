@@ -1,7 +1,7 @@
-"""Content-addressed blobs: a blob's name is the digest of its bytes, so a double write is harmless.
+"""Content-addressed blobs: a blob's name is the digest of its bytes, so a repeated write is harmless.
 
-A file is known by size, times of change and inode. The time of its inode's change is the system's own: no program sets
-it, so that a file changed in place and given its old time back is read again.
+Digests are cached by size, modification time, inode change time and inode number. Programs can't set the inode change
+time, so a file that was changed in place with a restored modification time is read again.
 """
 
 import contextlib
@@ -16,11 +16,12 @@ from pipeline.files import atomic, digest
 from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 SETTLED_NS = 2_000_000_000
-"""A file that changed less than this ago [ns] is not remembered: it could change again within one tick of the clock."""
+"""Age since the last change below which a digest is not cached [ns], as the file could change again within one clock
+tick."""
 
 
 class DigestMemory:
-    """Digests of files, remembered in a file of their own; what is not readable there counts as nothing."""
+    """Cache of file digests, stored in a file; an unreadable cache file counts as empty."""
 
     def __init__(self, path: Path):
         self._path = path
@@ -48,19 +49,19 @@ class DigestMemory:
         return known[-1]
 
     def note(self, path: str, state: list[int], found: str) -> None:
-        """Note the digest that another process found of a file, which had this `settled_state` before it was read."""
+        """Add a digest computed by another process, for a file with this `settled_state` before it was read."""
         self._used[path] = [*state, found]
 
     def save(self) -> None:
-        """Keep what was looked up since this was made; the rest is of deleted files."""
+        """Save the digests used since this object was created; the others belong to deleted files."""
         if self._used != self._known:
             atomic.write_text(self._path, json.dumps(self._used, sort_keys=True))
             self._known = dict(self._used)
 
 
 def settled_state(path: str) -> list[int]:
-    """What a file is known by: size, times of change [ns], inode; nothing of one that changed just now, as its next
-    change may have the same times. Raises OSError."""
+    """Cache key of a file: size, times of change [ns], inode; empty for one that changed just now, as its next change
+    may have the same times. Raises OSError."""
     stat = os.stat(path)  # noqa: PTH116, asked for each clip of each stage
     return _state(stat) if time.time_ns() - stat.st_ctime_ns >= SETTLED_NS else []
 
@@ -70,16 +71,16 @@ def _state(stat: os.stat_result) -> list[int]:
 
 
 class StoreError(FileError):
-    """A blob that is missing, damaged or not copied: a fault of the store, none of the clip that needs the blob."""
+    """Raised for a blob that is missing, damaged or not copied: an error of the store, not of the clip."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BlobStore:
-    """Blobs below `root`, as `<first two hex digits>/<digest>`; of those at a URL, copies."""
+    """Blobs below `root`, as `<first two hex digits>/<digest>`, including copies of blobs at a URL."""
 
     root: Path
     remote: RemoteBlobs | None = None
-    """Where other machines read and write blobs, too; None where `root` is all there is."""
+    """Blobs shared with other machines; None if there is only `root`."""
 
     def path(self, blob: str) -> Path:
         return self.root / blob[:2] / blob
@@ -88,7 +89,7 @@ class BlobStore:
         return self.path(blob).is_file()
 
     def is_whole(self, blob: str) -> bool:
-        """Whether the blob is there and its content is its name. Reads it."""
+        """Whether the blob exists and its content matches its name. Reads it."""
         try:
             return self.has(blob) and digest.of_file(self.path(blob)) == blob
         except OSError:
@@ -102,9 +103,9 @@ class BlobStore:
             return False
 
     def put(self, data: bytes) -> str:
-        """Store `data`, also over a blob of that name that was damaged; its digest.
+        """Store `data`, replacing a damaged blob of that name; return its digest.
 
-        It is not forced to the disk: one that a power cut tears does not have its name's digest, and is made again.
+        It is not synced: a blob damaged by a power failure does not match its name, and is recomputed.
         """
         blob = digest.of_bytes(data)
         if not self._has_bytes(blob, data):
@@ -114,7 +115,7 @@ class BlobStore:
         return blob
 
     def take(self, path: Path) -> str:
-        """Move a file of the same disk into the store, whole and synced already; its digest."""
+        """Move a complete and synced file (same file system) into the store; return its digest."""
         blob = digest.of_file(path)
         if self.remote is not None:
             self.remote.put(path.read_bytes())
@@ -126,10 +127,10 @@ class BlobStore:
         return blob
 
     def get(self, blob: str) -> bytes:
-        """Bytes of a blob. Raises StoreError when it is missing or its content is not its name.
+        """Bytes of a blob. Raises StoreError if it is missing or does not match its name.
 
-        A blob of other content is removed, so that no remembered digest counts it as whole: a power cut may leave a
-        file its size and times without its content.
+        A blob that does not match is removed, so that no cached digest counts it as valid: a power failure may leave a
+        file with its size and times but without its content.
         """
         path = self.path(blob)
         do = "Materialize again: what is damaged or gone is made again."
@@ -147,9 +148,9 @@ class BlobStore:
         return data
 
     def copied(self, blob: str) -> bool:
-        """Copy a blob from the URL; False where it is not there, or there is none.
+        """Copy a blob from the URL; False if it does not exist there, or there is no URL.
 
-        Raises StoreError when the disk refuses the copy.
+        Raises StoreError on disk errors.
         """
         if self.remote is None:
             return False

@@ -1,4 +1,4 @@
-"""CSV and JSON files that people write: bounded in size, UTF-8, and every fault of a table with its line."""
+"""Read CSV and JSON files written by users: limited size, UTF-8, every fault of a table with its line."""
 
 import csv
 import json
@@ -12,11 +12,11 @@ from pipeline.files import atomic
 from pipeline.files.settings import DECIMAL
 
 MAX_BYTES = 50_000_000
-"""Of a table; a motor's sweep or a robot's joints have a few thousand rows."""
+"""Largest size of a table; a motor's sweep or a robot's joints have a few thousand rows."""
 
 
 def read_csv_text(path: Path) -> str:
-    """The text of a file. Raises FileError: too large, or with the line of the first bytes that are no UTF-8."""
+    """The text of a file. Raises FileError if it is too large, or with the line of the first invalid UTF-8."""
     if path.stat().st_size > MAX_BYTES:
         raise FileError(path, f"the file has {path.stat().st_size} bytes, more than the {MAX_BYTES} allowed.")
     data = path.read_bytes()
@@ -29,9 +29,9 @@ def read_csv_text(path: Path) -> str:
 
 
 def plain_number(text: str) -> float:
-    """The number in a cell, written as in settings files.
+    """The number in a cell, in the notation of settings files.
 
-    Raises ValueError for `1_0`, `nan` or digits of other scripts, which `float` takes, and for what no double holds.
+    Raises ValueError for `1_0`, `nan` or digits of other scripts, which `float` accepts, and for overflow.
     """
     value = float(text) if DECIMAL.match(text) else float("nan")
     if not math.isfinite(value):
@@ -50,10 +50,10 @@ def plain_integer(text: str) -> int:
 def csv_records(
     lines: Iterable[str], path: Path | str, delimiter: str = ",", first_line: int = 1
 ) -> Iterator[list[str]]:
-    """Records of a table. Raises FileError with the line where a field is too long or no end of a quote is found.
+    """Records of a table. Raises FileError with the line if a field is too long or a quote is not closed.
 
     Args:
-        path: what messages call the file
+        path: path of the file, for messages
         first_line: number of the first of `lines` in the file
     """
     reader = csv.reader(lines, delimiter=delimiter)
@@ -65,7 +65,7 @@ def csv_records(
 
 
 MAX_JSON_BYTES = 50_000_000
-"""Of a file: a database's manifest of 400,000 clips, or a clip of half an hour."""
+"""Largest size of a file: a database's manifest of 400,000 clips, or a clip of half an hour."""
 
 
 def read_json(path: Path, what: str = "JSON", do: str = "", most_bytes: int = MAX_JSON_BYTES) -> Any:
@@ -95,7 +95,7 @@ def json_text(value: Any) -> str:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write `json_text` of a value, whole or not at all."""
+    """Write `json_text` of a value atomically."""
     atomic.write_text(path, json_text(value))
 
 

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 THREADS, A_THREAD = 4, 64
-"""Threads that read files, and files that each is given at a time."""
+"""Number of threads that read files, and files per task."""
 
 
 def of_bytes(data: bytes) -> str:
@@ -20,7 +20,7 @@ def of_file(path: Path | str) -> str:
 
 
 def of_file_or_fault(path: Path) -> str:
-    """Digest of a file, or of the reason why it can't be read."""
+    """Digest of a file, or of the error if it can't be read."""
     try:
         return of_file(path)
     except OSError as error:

@@ -1,7 +1,7 @@
-"""Archives of arrays from untrusted files: NumPy's and torch's, with sizes and checksums checked before data is read.
+"""Untrusted array archives of NumPy and torch, with sizes and checksums checked before data are read.
 
-NumPy: never an object array. torch inflates whatever size is claimed, and does not compare the checksums of what it
-maps into memory; so `check_torch_archive` does.
+NumPy object arrays are never read. torch decompresses any claimed size and does not verify the checksums of
+memory-mapped data; `check_torch_archive` does both.
 """
 
 import errno
@@ -22,14 +22,14 @@ from pipeline.files import page_memory
 from pipeline.files.array_file import ArrayFile
 
 DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError, RuntimeError)
-"""Of zipfile, the decompressors that it uses and NumPy, for archives that are broken, encrypted or packed in a way of
-their own; none of them is a FileError."""
+"""Errors of zipfile, its decompressors and NumPy for archives that are damaged, encrypted or have an unknown
+compression; none is a FileError."""
 
 DAMAGED_FILE = (
     *(ArithmeticError, AssertionError, AttributeError, LookupError, NameError, TypeError),
     *(struct.error, pickle.UnpicklingError, *DAMAGED_NPZ),
 )
-"""What libraries raise while they read a damaged pickle or C3D file; an OSError of the disk is raised again."""
+"""Errors of libraries that read a damaged pickle or C3D file; an OSError of the disk is raised again."""
 
 OF_THE_FILE = (None, errno.EINVAL)
 """Error numbers of an OSError that a damaged archive causes: bz2 states none, a seek to before the start is invalid."""
@@ -43,26 +43,26 @@ def raise_fault_of_disk(error: Exception) -> None:
 
 @contextmanager
 def reported_damage(path: Path, what: str, do: str = "") -> Iterator[None]:
-    """What a library raises while it reads a damaged file, as one FileError: `it is not <what> that can be read`."""
+    """Convert a library's errors on a damaged file to one FileError: `it is not <what> that can be read`."""
     try:
         yield
     except DAMAGED_FILE as error:
         raise_fault_of_disk(error)
-        says = first_words(f"{type(error).__name__} {error}")
-        raise FileError(path, f"it is not {what} that can be read: {says}.", do) from error
+        message = first_words(f"{type(error).__name__} {error}")
+        raise FileError(path, f"it is not {what} that can be read: {message}.", do) from error
 
 
 MOST_MEMBERS = 1_000
-"""Members of an archive."""
+"""Most members of an archive."""
 MOST_RATIO = 1_000
-"""Inflated size of a member over its compressed size."""
+"""Largest ratio of decompressed to compressed size of a member."""
 MOST_BYTES = 2_000_000_000
-"""Inflated size of all members together."""
+"""Largest decompressed size of all members together [bytes]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NpzHeader(ArrayFile):
-    """What an archive holds, known without inflating it."""
+    """Content of an archive, from its headers."""
 
     path: Path
     shapes: Mapping[str, tuple[int, ...]]
@@ -87,8 +87,8 @@ class NpzHeader(ArrayFile):
 
 
 def read_npz_header(path: Path, most_bytes: int = MOST_BYTES) -> NpzHeader:
-    """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated;
-    OSError for a fault of the disk."""
+    """Read the header of an archive. Raises FileError if it is not an archive, damaged, or too large when decompressed;
+    OSError on disk errors."""
     if not path.is_file():
         raise FileError(path, "the file does not exist.")
     if path.stat().st_size == 0:
@@ -150,7 +150,7 @@ def _read_member(archive: zipfile.ZipFile, name: str) -> np.ndarray:
         array = page_memory.empty(shape[::-1] if columns_first else shape, dtype)
         page_memory.fill(array, stream)
         if stream.read(1):
-            raise ValueError("it holds more than its shape says")
+            raise ValueError("it holds more than its shape states")
     return array.T if columns_first else array
 
 

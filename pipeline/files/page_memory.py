@@ -1,4 +1,4 @@
-"""Arrays in memory of their own, which goes back to the system page by page while they are read for the last time."""
+"""Arrays in separately mapped memory, which can be released page by page while they are read for the last time."""
 
 import math
 import mmap
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 LEAST_BYTES = 1 << 18
-"""Smaller arrays are ordinary ones."""
+"""Size below which arrays are ordinary ones [bytes]."""
 READ_BYTES = 1 << 20
 """Bytes that are read at once."""
 
@@ -18,12 +18,12 @@ class Readable(Protocol):
     """A stream of bytes."""
 
     def read(self, size: int = -1, /) -> bytes:
-        """The next bytes, at most so many; none at the end."""
+        """The next bytes, at most `size`; empty at the end."""
         ...
 
 
 def empty(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
-    """An array of zeros whose memory is taken as it is written, and given back by `forget` and with the array."""
+    """An array of zeros whose memory is allocated on write, and released by `forget` or with the array."""
     count = math.prod(shape)
     if count * np.dtype(dtype).itemsize < LEAST_BYTES:
         return np.zeros(shape, dtype=dtype)
@@ -33,7 +33,7 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
 
 
 def forget(array: np.ndarray, rows: int) -> None:
-    """Give back the memory of the first rows of an array made by `empty`, or of a part; they then read as zeros."""
+    """Release the memory of the first rows of an array made by `empty`, or of a view; they then read as zeros."""
     memory = _memory(array)
     if memory is None or not array.flags.c_contiguous or not array.size or not hasattr(mmap, "MADV_DONTNEED"):
         return
@@ -45,7 +45,7 @@ def forget(array: np.ndarray, rows: int) -> None:
 
 
 def fill(array: np.ndarray, stream: Readable) -> None:
-    """Read the bytes of a contiguous array from a stream. Raises EOFError where it has fewer."""
+    """Fill a contiguous array from a stream. Raises EOFError if it has too few bytes."""
     flat, done = array.reshape(-1).view("u1"), 0
     while done < len(flat):
         part = stream.read(min(READ_BYTES, len(flat) - done))
@@ -56,7 +56,7 @@ def fill(array: np.ndarray, stream: Readable) -> None:
 
 
 def _memory(array: Any) -> mmap.mmap | None:
-    """The memory below an array and the views that it was made through."""
+    """The mapped memory of an array or of the array that it is a view of; None for ordinary arrays."""
     while isinstance(array, (np.ndarray, memoryview)):
         array = array.base if isinstance(array, np.ndarray) else array.obj
     return array if isinstance(array, mmap.mmap) else None

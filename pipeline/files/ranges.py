@@ -1,4 +1,4 @@
-"""What the values of settings may be: remarks in the annotation of a field, which `pipeline.files.settings` checks.
+"""Allowed values of settings, as metadata in a field's annotation that `pipeline.files.settings` checks.
 
     label_hz: Annotated[float, Range(5.0, 1000.0)]
     skills: Annotated[tuple[str, ...], OneOf(LABELS)]
@@ -23,7 +23,7 @@ from pipeline.errors import PipelineError
 
 
 class RangeError(PipelineError, ValueError):
-    """Settings with values that they may not have; `faults` are keys below the object, each with a sentence."""
+    """Raised for settings with invalid values; `faults` are keys below the object, each with a sentence."""
 
     def __init__(self, faults: list[tuple[str, str]]):
         self.faults = tuple(faults)
@@ -31,7 +31,7 @@ class RangeError(PipelineError, ValueError):
 
 
 class Remark(ABC):
-    """A remark in an annotation, for the values that the annotation's type allows."""
+    """Annotation metadata that checks values of the annotated type."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_after_validator_function(self._checked, handler(source))
@@ -48,7 +48,7 @@ class Remark(ABC):
 
 
 class Allowed(Remark):
-    """What one value may be."""
+    """Constraint on a single value."""
 
     def faults(self, where: str, value: Any) -> list[tuple[str, str]]:
         if value is None:
@@ -62,7 +62,7 @@ class Allowed(Remark):
 
     @abstractmethod
     def problem(self, value: Any) -> str | None:
-        """What is wrong with the value, as `is 3, allowed is …`; None if nothing is."""
+        """Error in the value, as `is 3, allowed is …`; None if it is valid."""
 
 
 UNKNOWN = "is unknown"
@@ -72,12 +72,12 @@ _WANTED = {
     **dict.fromkeys(("float_type", "finite_number"), "float"),
     **{"int_type": "int", "string_type": "str", "bool_type": "bool"},
 }
-"""Error of pydantic -> what it wanted."""
+"""Error type of pydantic -> expected value in words."""
 
 
 @dataclass(frozen=True)
 class Range(Allowed):
-    """Numbers from `low` to `high`; of the open ones the bound itself is not allowed."""
+    """Numbers from `low` to `high`; an open bound itself is not allowed."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -102,9 +102,9 @@ NOT_NEGATIVE = Range(0.0)
 SHARE = Range(0.0, 1.0)
 """A share of a whole."""
 PART = Range(0.0, 1.0, open_low=True)
-"""A share that is not nothing."""
+"""A share above 0."""
 RATE_HZ = Range(1.0, 10_000.0)
-"""Of frames, labels, filters; no recording of a body is slower or faster."""
+"""Rates of frames, labels and filters [Hz]; no recording of a body is slower or faster."""
 COUNT = Range(1.0)
 
 
@@ -131,7 +131,7 @@ class Pattern(Allowed):
 
 @dataclass(frozen=True)
 class Keys(Remark):
-    """A mapping: what its keys and its values may be."""
+    """Constraints on the keys and values of a mapping."""
 
     keys: Allowed
     values: Allowed | None = None
@@ -151,7 +151,7 @@ class Keys(Remark):
 
 
 def check(*faults: list[tuple[str, str]]) -> None:
-    """Raise RangeError with all faults between the fields of a settings dataclass, where there are any."""
+    """Raise RangeError with all faults between the fields of a settings dataclass, if there are any."""
     if any(faults):
         raise RangeError(list(itertools.chain(*faults)))
 
@@ -177,8 +177,8 @@ def _faults(found: ErrorDetails, kind: Any, place: tuple[int | str, ...]) -> lis
         return [(key, f"{UNKNOWN}, there are: {', '.join(_fields(kind, place[:-1]))}")]
     if code == "too_long":
         return [(key, f"has {len(value)} entries, expected {found.get('ctx', {})['max_length']}")]
-    wanted = _WANTED.get(code)
-    return [(key, f"is {value!r}, expected {wanted}" if wanted else f"is {value!r}: {found['msg']}")]
+    expected = _WANTED.get(code)
+    return [(key, f"is {value!r}, expected {expected}" if expected else f"is {value!r}: {found['msg']}")]
 
 
 def _fields(kind: Any, place: Sequence[int | str]) -> list[str]:

@@ -11,19 +11,19 @@ from pipeline.files import digest
 
 
 class RemoteBlobError(PipelineError):
-    """A URL that can't be used."""
+    """Raised for a URL that can't be used."""
 
     def __init__(self, url: str, problem: str, do: str):
         super().__init__(f"{url}: {problem} {do}")
 
 
 class BlobGoneError(RemoteBlobError):
-    """A blob that is not at the URL, or was damaged there."""
+    """Raised for a blob that is missing or damaged at the URL."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RemoteBlobs:
-    """Blobs below a URL, as `<first two hex digits>/<digest>`. A store of objects writes each whole or not at all."""
+    """Blobs below a URL, as `<first two hex digits>/<digest>`. Writes to object stores are atomic."""
 
     url: str
 
@@ -56,7 +56,7 @@ class RemoteBlobs:
         return {path.rpartition("/")[2]: int(facts["size"]) for path, facts in sorted(found.items())}
 
     def put(self, data: bytes) -> str:
-        """Store `data`; its digest. What is there with another size was torn and is replaced."""
+        """Store `data`; return its digest. An incomplete blob, which has another size, is replaced."""
         blob = digest.of_bytes(data)
         files, path = self._opened[0], self._path(blob)
         with self._reached():
@@ -70,8 +70,8 @@ class RemoteBlobs:
         return blob
 
     def get(self, blob: str) -> bytes:
-        """Bytes of a blob. Raises BlobGoneError when it is missing or damaged; what is damaged is removed, so that it
-        is made again."""
+        """Bytes of a blob. Raises BlobGoneError if it is missing or damaged; a damaged one is removed, so that it is
+        recomputed."""
         do = "Materialize again: what is damaged or gone is made again."
         with self._reached():
             try:

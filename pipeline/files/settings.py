@@ -1,8 +1,8 @@
-"""Settings files: YAML that pydantic validates as a frozen dataclass, every fault named at once.
+"""Settings files: YAML validated by pydantic as a frozen dataclass, with all faults in one error.
 
-The safe loader alone is not enough: duplicate keys, anchors and aliases are refused here, numbers are plain decimals
-(`1e3` is one, `1:30`, `0x10` and `010` are none). Annotations state the
-allowed values (`pipeline.files.ranges`) and the unit (`pipeline.files.sourced`).
+Stricter than the safe loader: duplicate keys, anchors and aliases are rejected, and numbers must be plain decimals
+(`1e3` is allowed; `1:30`, `0x10` and `010` are not). Annotations state the allowed values (`pipeline.files.ranges`) and
+the unit (`pipeline.files.sourced`).
 """
 
 import copy
@@ -24,8 +24,8 @@ MAX_BYTES = 1_000_000
 
 INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)\Z")
 DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?\Z")
-"""Numbers as settings have them. YAML 1.1 also takes `1:30` for 90, `0x10` for 16, `010` for 8 and `1_0` for 10; these
-are texts here, which no field of a number takes."""
+"""Notation of numbers in settings. YAML 1.1 also reads `1:30` as 90, `0x10` as 16, `010` as 8 and `1_0` as 10; these
+are strings here, which number fields reject."""
 
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """SafeLoader without aliases, without duplicate keys, and with numbers that are plain decimals alone."""
+    """SafeLoader without aliases, without duplicate keys, and with plain decimals as the only numbers."""
 
     yaml_implicit_resolvers: ClassVar = {
         first: [(tag, pattern) for tag, pattern in each if tag not in _NUMBERS]
@@ -54,19 +54,19 @@ class _StrictLoader(yaml.SafeLoader):
     def construct_object(self, node, deep=False):
         try:
             return super().construct_object(node, deep)
-        except (ValueError, LookupError, AttributeError, TypeError) as error:  # of a date or number that is none
+        except (ValueError, LookupError, AttributeError, TypeError) as error:  # an invalid date or number
             problem = f"a value can't be read ({error})"
             raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark) from error
 
     def construct_mapping(self, node, deep=False):
-        seen = set()
+        keys = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if isinstance(key, (list, dict)):
                 raise yaml.constructor.ConstructorError(None, None, "a key is not a text", key_node.start_mark)
-            if key in seen:
+            if key in keys:
                 raise yaml.constructor.ConstructorError(None, None, f"duplicate key '{key}'", key_node.start_mark)
-            seen.add(key)
+            keys.add(key)
         return super().construct_mapping(node, deep=deep)
 
 
@@ -90,8 +90,7 @@ def read_yaml(path: Path) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def _parsed(text: str) -> Any:
-    """The value of a text. One text is parsed once in a process: the stages of the graph share their settings files,
-    and YAML is slow."""
+    """The value of a text. Cached, since the stages of the graph share their settings files, and YAML is slow."""
     loader = _StrictLoader(text)
     try:
         return loader.get_single_data()
@@ -107,7 +106,7 @@ def read(path: Path, kind: type[T]) -> T:
 def parse(kind: type[T], value: Any, origin: Path, do: str = "") -> T:
     """A plain value (from YAML, TOML or JSON) as the dataclass `kind`.
 
-    Raises SettingsError that names `origin` and every fault, and what to `do`.
+    Raises SettingsError with `origin`, every fault and the remedy `do`.
     """
     try:
         return _model(kind).model_validate_json(json.dumps({"file": _json(value)})).file
@@ -132,13 +131,13 @@ def plain(settings: Any) -> Any:
 
 @functools.cache
 def _model(kind: type) -> Any:
-    """A model with the field `file`. Strict: no text is a number, no number a text, a truth value is neither."""
+    """A model with the field `file`. Strict: no conversion between strings, numbers and booleans."""
     config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     return create_model("Settings", __config__=config, file=(kind, ...))
 
 
 def _json(value: Any) -> Any:
-    """The value in types of JSON: keys and dates become texts, and so do numbers that are not finite."""
+    """The value as JSON types: keys, dates and numbers that are not finite become strings."""
     if isinstance(value, dict):
         return {str(key): _json(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

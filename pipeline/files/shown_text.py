@@ -1,23 +1,23 @@
-"""Text of strangers as it may be shown: names of files, licences and reasons are text, never markup.
+"""Escape untrusted text for display: names of files, licences and reasons must never be interpreted as markup.
 
-Markdown is rendered with whatever HTML is in it by the viewer, and by other programs in their own ways. So every
-character that could mean something is written as a character reference, which all of them show as the character.
+Markdown may contain HTML, and programs render it differently. So every character with a possible meaning is written as
+a character reference, which all of them show as that character.
 """
 
 import re
 from collections.abc import Iterable, Sequence
 
 _PLAIN = re.compile(r"[^A-Za-z0-9 .,:/\-\u00a0-\U0010ffff]")
-"""What is not shown as it is: punctuation of ASCII and control characters."""
+"""Characters to escape: ASCII punctuation and control characters."""
 
 
 def escaped(text: object) -> str:
-    """`str(text)` on one line of Markdown or HTML, shown as it is."""
+    """`str(text)` escaped for one line of Markdown or HTML."""
     return _PLAIN.sub(lambda match: f"&#{ord(match[0])};" if match[0].isprintable() else " ", decodable(str(text)))
 
 
 _MARKS = (("&", "&amp;"), ("\\", "&#92;"), ("<", "&lt;"), (">", "&gt;"), ("|", "\\|"), ("[", "\\["), ("`", "'"))
-"""What a text of a file that people also open in an editor must not hold, and what is written in its place."""
+"""Characters replaced in files that are also read as plain text, and their replacements."""
 
 
 def cell(value: object) -> str:
@@ -28,9 +28,9 @@ def cell(value: object) -> str:
 
 
 def plain(value: object, most: int | None = None) -> str:
-    """`str(value)` on one line of a Markdown file, without markup; of a longer one its first `most` characters.
+    """`str(value)` on one line of a Markdown file, without markup, truncated to `most` characters.
 
-    Unlike `escaped` it leaves punctuation that means nothing there, since such a file is also read as it is.
+    Unlike `escaped` it keeps harmless punctuation, since such a file is also read as plain text.
     """
     text = " ".join(decodable(str(value)).split())[:most]
     for mark, instead in _MARKS:
@@ -39,7 +39,7 @@ def plain(value: object, most: int | None = None) -> str:
 
 
 def markdown_list(texts: Iterable[object], none: str = "none") -> str:
-    """Texts as a list in Markdown; `none` where there are none."""
+    """Texts as a Markdown list; `none` if there are none."""
     return "\n".join(f"- {escaped(text)}" for text in texts) or none
 
 
@@ -50,5 +50,5 @@ def markdown_table(header: Sequence[object], rows: Iterable[Sequence[object]]) -
 
 
 def decodable(text: str) -> str:
-    r"""The text with the bytes of a file's name that are no UTF-8 written out (`\udcff`), so that it can be stored."""
+    r"""The text with invalid UTF-8 bytes of a file name written out (`\udcff`), so that it can be stored."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")

@@ -1,11 +1,11 @@
-"""Numbers of settings with unit, source and reason.
+"""Settings with unit, source and reason.
 
-A field with `Annotated[float, Unit("rad")]` is in the file
+A field with `Annotated[float, Unit("rad")]` is written in the file as
 
     limit_excess: {value: 0.05, unit: rad, source: cal, why: "MuJoCo's limits are soft"}
 
-and in the settings object the bare number: another sentence is no other setting. `origins` gives unit, source and
-reason.
+and is a bare number in the settings object, so that a changed `why` does not change the settings. `origins` gives unit,
+source and reason.
 """
 
 from collections.abc import Callable
@@ -30,8 +30,8 @@ _KEYS = ("value", "unit", "source", "why")
 
 @dataclass(frozen=True)
 class Unit:
-    """What a number is measured in; a file that states another unit is refused. The last remark of an annotation that
-    pydantic checks, so that every fault of a number is found at once."""
+    """Unit of a number; a file that states another unit is rejected. Must be the last metadata in an annotation, so
+    that all faults of a number are found at once."""
 
     name: str
 
@@ -64,16 +64,16 @@ class Unit:
 
 @dataclass(frozen=True, kw_only=True)
 class Scaled:
-    """How a figure carries over to a robot of another size: times (ratio of leg lengths)^`length` times (ratio of
-    masses)^`mass`. The exponents are those of dynamic similarity under the same gravity."""
+    """Scaling of a value to a robot of another size: times (ratio of leg lengths)^`length` times (ratio of
+    masses)^`mass`. The exponents follow from dynamic similarity under the same gravity."""
 
     length: float
     mass: float = 0.0
     first_only: bool = False
-    """Of a pair a + b times the speed, only a scales."""
+    """Whether, in a pair for a + b times the speed, only a is scaled."""
 
     def factor(self, length_ratio: float, mass_ratio: float) -> float:
-        """The factor on the figure."""
+        """The factor on the value."""
         return length_ratio**self.length * mass_ratio**self.mass
 
 
@@ -91,12 +91,12 @@ class Origin:
     """Unit, source and reason of a number."""
 
     value: Any
-    """As the file has it: a number, or a list of them."""
+    """Value in the file: a number or a list of numbers."""
     unit: str
     source: str
     """One of `SOURCES`."""
     why: str
-    """Where the value comes from, as a sentence."""
+    """Reason for the value, as a sentence."""
 
 
 def origins(entry: Any, where: str = "") -> dict[str, Origin]:
@@ -110,5 +110,5 @@ def origins(entry: Any, where: str = "") -> dict[str, Origin]:
 
 
 def _tuples(value: Any) -> Any:
-    """Lists as the tuples that strict validation wants of Python objects."""
+    """Convert lists to tuples, as required by strict validation of Python objects."""
     return tuple(map(_tuples, value)) if isinstance(value, list) else value

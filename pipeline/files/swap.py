@@ -1,9 +1,8 @@
-"""A folder replaced as a whole: its readers find the old one or the new one, complete.
+"""Replace a folder atomically: readers find the complete old or new one.
 
-The new folder is filled beside the old one as `.<name>.part`. Where the system can exchange two names in one
-step (Linux), that is done; elsewhere the old one is moved to `.<name>.old` first, and `current` finds it there
-should the writer die between the two moves. Leftovers of a killed writer are cleared by the next one; a version that it
-had not yet kept is lost with them.
+The new folder is written next to the old one as `.<name>.part`. On Linux the two names are exchanged in one step;
+elsewhere the old one is first moved to `.<name>.old`, where `current` finds it if the writer dies between the two
+moves. The next writer removes leftovers of a killed one, including a version that was not yet kept.
 """
 
 import ctypes
@@ -30,15 +29,16 @@ def replace_folder(
     check: Callable[[Path], None] | None = None,
     keep: Callable[[Path], object] | None = None,
 ) -> None:
-    """Make `folder` hold what `fill` writes into the empty folder it is given, and nothing else.
+    """Replace `folder` by a new folder with the files that `fill` writes.
 
-    Where `folder` is a link, the folder that it names is replaced, on that folder's disk. Whatever `fill` or `check`
-    raise is passed on and the old folder stays as it was. Raises FileError when the disk refuses, when `folder` is a
-    file or when another writer is at work.
+    If `folder` is a link, its target is replaced. Errors of `fill` and `check` are raised and the old folder is
+    unchanged. Raises FileError on disk errors, if `folder` is a file or if another writer is active.
 
     Args:
-        check: looks at the new folder before it takes the place of the old one; it may move it away when it raises
-        keep: moves the old folder away, once the new one is in place; without it the old one is removed
+        folder: folder to replace
+        fill: writes the files into the empty folder that it is given
+        check: checks the new folder before the replacement; it may move it away when it raises
+        keep: moves the old folder away after the replacement; None: the old one is removed
     """
     folder = target_of(folder)
     if folder.exists() and not folder.is_dir():
@@ -65,9 +65,9 @@ def replace_folder(
 
 
 def put_in_place(folder: Path, version: Path, keep: Callable[[Path], object]) -> None:
-    """Make the whole folder `version`, of the same disk, the one at `folder`; `keep` moves away what was there.
+    """Replace `folder` by the complete folder `version` (same file system); `keep` moves the old one away.
 
-    Raises FileError when the disk refuses or another writer is at work.
+    Raises FileError on disk errors or if another writer is active.
     """
     folder = target_of(folder)
     part, old = beside(folder, "part"), beside(folder, "old")
@@ -81,13 +81,13 @@ def put_in_place(folder: Path, version: Path, keep: Callable[[Path], object]) ->
 
 
 def current(folder: Path) -> Path:
-    """Where the complete folder is: at its name, or aside if a writer died while moving it."""
+    """Path of the complete folder: its own, or `.<name>.old` if a writer died while moving it."""
     old = beside(folder, "old")
     return old if not folder.exists() and old.is_dir() else folder
 
 
 def target_of(folder: Path) -> Path:
-    """The folder itself, or the one that a link at its place names."""
+    """The folder itself, or the target if it is a link."""
     return Path(os.path.realpath(folder)) if folder.is_symlink() else folder
 
 
@@ -104,7 +104,7 @@ def _swap(folder: Path, part: Path, old: Path, keep: Callable[[Path], object]) -
 
 
 def _exchange(first: Path, second: Path) -> bool:
-    """Exchange two names in one step; False where the system or file system can't."""
+    """Exchange two names in one step; False if the system does not support it."""
     renameat2 = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if renameat2 is None:
         return False
@@ -125,7 +125,7 @@ def _recover(folder: Path, part: Path, old: Path) -> None:
 
 
 def beside(folder: Path, what: str) -> Path:
-    """Name of what belongs to a folder, beside it; of a link, beside the folder that it names."""
+    """Path next to a folder for a file that belongs to it; for a link, next to its target."""
     folder = target_of(folder)
     return folder.with_name(f".{folder.name}.{what}")
 

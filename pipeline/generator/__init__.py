@@ -1,10 +1,10 @@
-"""Generate human motions from figures of gait: a footstep plan first, then the body.
+"""Generate human motions from published gait figures: first a footstep plan, then the body.
 
     Recipe -> Commands (speed over time, path) -> Stride (phase, stances) -> Feet -> Pelvis -> legs, trunk, arms
            -> Generated (truth as a HumanClip, the same motion as BVH)
 
 `python -m pipeline.generator data/motions` writes the files that ship with the project; docs/motions.md
-tells what is in them.
+describes them.
 """
 
 from pipeline.generator.generate import Generated, generate

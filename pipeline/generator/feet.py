@@ -1,7 +1,7 @@
 """Foot trajectories: rolling over a planted point in stance, a smooth arc in swing.
 
-In stance the foot turns about its heel while its toes are up, about its toe joint while its heel is
-up (the toes stay flat); the point it turns about does not move. In swing each coordinate is the
+In stance the foot rotates about its heel while its toes are up, and about its toe joint while its heel is
+up (the toes stay flat); the pivot does not move. In swing each coordinate is the
 polynomial of degree five that takes over position, velocity and acceleration from the stances at both
 ends, plus a bump that vanishes with its second derivative at both ends: twice continuously
 differentiable throughout.
@@ -120,8 +120,8 @@ def _in_swing(
 ) -> Float[np.ndarray, "n 6"]:
     """The six coordinates of `_in_stance` between two stances.
 
-    The foot is ahead of the plain curve early in swing and behind it late, as people's are by a kick and a stamp;
-    without it a foot waits above the floor for the body, with a straight leg. The arc's height leaves more than 2 cm
+    Relative to the plain curve, the foot is in front early in swing and behind late in swing, as in human gait;
+    otherwise it would wait above the floor for the body, with a straight leg. The arc's height leaves more than 0.02 m
     below the toes, and the foot hangs while the shank is tilted forward. [judgement]
     """
     duration_s = after.start_s - before.stop_s

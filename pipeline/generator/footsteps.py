@@ -50,7 +50,7 @@ class Stride:
     """The rhythm of the steps at `GRID_HZ`."""
 
     phase: Float[np.ndarray, " n"]
-    """Strides so far: the left foot lands at whole numbers, the right one in between. Stays while standing."""
+    """Number of strides: the left foot lands at integers, the right one in between. Constant while standing."""
     duty: Float[np.ndarray, " n"]
     """Share of the stride in which a foot is on the ground."""
     activity: Float[np.ndarray, " n"]
@@ -80,7 +80,7 @@ class _Figures:
 
 
 def plan_steps(recipe: Recipe, commands: Commands) -> Stride:
-    """Footsteps along the path. Raises ValueError where a recipe stands in a run or goes on before a stop ends."""
+    """Footsteps along the path. Raises ValueError if a recipe stands in a run or continues before a stop ends."""
     if recipe.gait == gait.RUN and not commands.moving.all():
         raise ValueError(f"recipe '{recipe.name}': a run can't stand still.")
     command = (commands.forward, commands.lateral, commands.yaw_rate)
@@ -118,7 +118,7 @@ def _phase(recipe: Recipe, commands: Commands, figures: _Figures) -> tuple[np.nd
 
 
 def _first_phase(commands: Commands) -> float:
-    """Phase to stand in at the start: the foot on the side that is moved or turned to steps first, else the right."""
+    """Phase of the initial stand: the foot on the side of a lateral or turning command steps first, else the right."""
     sideways = (commands.lateral + commands.yaw_rate)[commands.moving]
     return 0.5 if len(sideways) and sideways[0] > 0.0 else 0.0
 
@@ -167,7 +167,7 @@ def _stances(
 
 
 def _time_of(commands: Commands, phase: np.ndarray, rate_hz: np.ndarray, value: float) -> float:
-    """When the phase first reaches a value [s]; -inf or inf where it stood there before or never gets there."""
+    """Time at which the phase first reaches a value [s]; -inf if it is there from the start, inf if never."""
     times = commands.times
     if value <= phase[0]:
         return float(times[0] + (value - phase[0]) / rate_hz[0]) if phase[1] > phase[0] else -np.inf

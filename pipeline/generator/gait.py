@@ -1,7 +1,7 @@
-"""Figures of human gait as functions of the commanded speed, each with its source.
+"""Human gait figures as functions of the commanded speed, each with its source.
 
-Speeds are arrays over time: forward and lateral [m/s], yaw rate [rad/s]. Where a figure was changed
-for the sake of a small robot (shorter slow steps, wider step), the docstring says so.
+Speeds are arrays over time: forward and lateral [m/s], yaw rate [rad/s]. Changes for a
+small robot (shorter slow steps, wider step) are stated in the docstrings.
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ WALK_RATIO = 0.39
 """Step length over step rate when walking [m s]: .0065 m/(steps/min), the invariant of adult gait
 (Sekiya and Nagasaki, Gait & Posture 7, 1998; Hirasaki et al., Exp. Brain Res. 127, 1999)."""
 SIDE_RATIO = 0.085
-"""The same to the side [m s]. [judgement: short quick steps keep the feet from crossing]"""
+"""`WALK_RATIO` for lateral steps [m s]. [judgement: short quick steps keep the feet from crossing]"""
 TURN_RATIO = 0.24
-"""The same turning in place [rad s]: about 40 degrees a step at 1.6 rad/s. [judgement]"""
+"""`WALK_RATIO` for turning in place [rad s]: about 40 degrees per step at 1.6 rad/s. [judgement]"""
 SLOWEST_STEP_RATE = 1.35
-"""Steps a second below which slow walking does not fall. [judgement: people step at 1.0 to 1.2 /s at
-.4 m/s; the long single support that goes with it is hard for a small robot]"""
+"""Least step rate of slow walking [1/s]. [judgement: people take 1.0 to 1.2 steps/s at 0.4 m/s; the long single support
+at this rate is hard for a small robot]"""
 
 
 def step_rate(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
-    """Steps a second [Hz] of either foot.
+    """Step rate [Hz], counting both feet.
 
     Running: 2.55 /s at 2 m/s to 2.75 /s at 3.4 m/s (Nilsson and Thorstensson, Acta Physiol. Scand. 129,
     1987: stride rate 1.3 to 1.4 /s at 2 to 4 m/s). Walking: speed = step length x step rate with a constant ratio of
@@ -38,7 +38,7 @@ def step_rate(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.
 
 
 def duty(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
-    """Part of a stride that a foot is on the ground [-].
+    """Duty factor: share of a stride in which a foot is on the ground [-].
 
     Walking: .66 slow to .57 at 2 m/s, .62 at the free speed, so double support falls from 32 to 14 %
     (Murray 1967; Perry and Burnfield, Gait Analysis, 2010). Running: contact .29 s at 2 m/s to .23 s at
@@ -51,11 +51,11 @@ def duty(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.ndarr
 
 
 def step_width(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
-    """Distance of the two feet's tracks [m].
+    """Step width: lateral distance between the tracks of both feet [m].
 
     People walk .10 to .13 m wide and run on nearly one line; .17 and .14 m are used so that feet and
-    shanks never touch, also on a robot. Sideways the feet come together to .19 m at the closest and go
-    apart by twice the step; turning needs room for the toes.
+    shanks never touch, also on a robot. In lateral steps the least distance is .19 m, the largest
+    larger by twice the step; turning needs room for the toes.
     """
     if gait == RUN:
         return np.full_like(forward, 0.14)
@@ -83,10 +83,10 @@ def sway(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.ndarr
 
 
 def body_ahead(gait: str, forward: np.ndarray) -> np.ndarray:
-    """Pelvis ahead of the middle of the standing foot at midstance [m].
+    """Forward position of the pelvis relative to the middle of the stance foot at midstance [m].
 
-    Feet land less far ahead of the hips than they leave behind them, the more so the faster: at an easy run about .3 m
-    ahead and .4 m behind (Novacheck 1998). In standing the weight is over the arch.
+    Touchdown is less far in front of the hips than lift-off is behind them, increasingly with speed: at an easy run
+    about .3 m in front and .4 m behind (Novacheck 1998). In standing the weight is over the arch.
     """
     return np.full_like(forward, 0.04) if gait == RUN else -0.02 + 0.022 * forward
 
@@ -99,7 +99,7 @@ def trunk_lean(gait: str, forward: np.ndarray) -> np.ndarray:
 
 def pelvis_turn(forward: np.ndarray) -> np.ndarray:
     """Amplitude of the pelvis about the vertical [rad]: about 5 degrees at the free walking speed
-    (Perry and Burnfield 2010: 10 degrees in all); backwards the other way round."""
+    (Perry and Burnfield 2010: 10 degrees in total); reversed for walking backwards."""
     return np.deg2rad(6.5) * np.tanh(forward / 1.3)
 
 

@@ -1,4 +1,4 @@
-"""The pelvis over the feet: along the path, swaying, turning, and as high as the legs allow."""
+"""Pelvis, trunk and arm motion over the feet: path, sway, rotation, and height limited by the legs."""
 
 import itertools
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from pipeline.physics import GRAVITY
 X, Y, Z = np.eye(3)
 
 CHEST_TURN = 0.8
-"""Turn of the chest against the pelvis' turn [-]: the thorax turns the other way by 3 to 5 degrees
+"""Ratio of the chest's counter-rotation to the pelvis' rotation [-]: the thorax rotates by 3 to 5 degrees
 (Stokes et al. 1989)."""
 ABDUCTION = np.deg2rad(14.0)
 """Upper arms away from the body [rad]; people: 5 to 10, a little more keeps a robot's arms free."""
@@ -112,7 +112,7 @@ def _idle(recipe: Recipe, times: np.ndarray, channel: int) -> np.ndarray:
 
 
 def _highest(recipe: Recipe, pos_w: np.ndarray, quat_w: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
-    """Greatest height of the pelvis (n,) at which neither leg is longer than `LONGEST_LEG` [m]."""
+    """Largest height of the pelvis (n,) [m] at which neither leg is longer than `LONGEST_LEG`."""
     limits = []
     for side, foot in zip(("Left", "Right"), feet, strict=True):
         hip = rotation.rotate(quat_w, skeleton.offset(f"{side}UpLeg"))

@@ -1,4 +1,4 @@
-"""The motions that ship with the project, sound ones and those with one planted defect each, and their sidecars.
+"""Recipes of the shipped motions, sound ones and ones with one injected defect each, and their sidecars.
 
 A sidecar is its description, expected results in the pipeline, and seconds of each commanded skill.
 """
@@ -35,7 +35,7 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class Defect:
-    """A sound recipe and the defect that is planted into it."""
+    """A sound recipe and the defect that is injected into it."""
 
     recipe: Recipe
     fate: str
@@ -250,9 +250,9 @@ LICENCE = "CC0-1.0"
 STAND_SPEED, STAND_TURN = 0.15, np.deg2rad(20.0)
 """Limits below which the command is standing [m/s, rad/s]."""
 TURN_SPEED, TURN_RATE = 0.35, np.deg2rad(30.0)
-"""Slower than the first and turning faster than the second is turning [m/s, rad/s]."""
+"""A command is turning below this speed and above this yaw rate [m/s, rad/s]."""
 DIRECTION_RATIO = 1.2
-"""To the side or back: faster that way by this factor than the other [-]."""
+"""Least ratio of sideways or backward speed to the perpendicular one [-]."""
 FORWARD = (("walk_slow", 0.6), ("walk", 1.3), ("walk_fast_jog", 2.0), ("run", np.inf))
 """Forward skills and the speed they end at [m/s]."""
 SHORTEST_S = 1.0

@@ -1,4 +1,4 @@
-"""Logs of a robot (MCAP, sqlite3 bags): read with all damage reported, written for virtual robots."""
+"""Robot logs (MCAP, sqlite3 bags): damage-tolerant reading with a report, and writing for virtual robots."""
 
 from pipeline.hardware_logs.ingest import ingest, read_log
 from pipeline.hardware_logs.log_report import LogError, LogSettings, layouts

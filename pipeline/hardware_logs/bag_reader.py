@@ -1,4 +1,4 @@
-"""Messages of a rosbag2 sqlite3 file (`.db3`) in bounded memory. It has no checksums, so it is never verified."""
+"""Read messages of a rosbag2 sqlite3 file (`.db3`) in bounded memory. It has no checksums, so it is never verified."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -13,11 +13,11 @@ from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
 
 MAGIC = b"SQLite format 3\x00"
 BATCH = 512
-"""Messages that are read at a time."""
+"""Messages per batch."""
 
 
 class BagReader:
-    """One pass over a file, as `McapReader` makes one."""
+    """One pass over a file, with the interface of `McapReader`."""
 
     def __init__(self, path: Path, report: LogReport):
         self.path, self.report = path, report
@@ -27,7 +27,7 @@ class BagReader:
         self.summary: Summary | None = None
 
     def read(self) -> Iterator[Records | Loss]:
-        """Messages in the order of their receipt. Raises LogError for what is no bag."""
+        """Yield messages in the order of receipt. Raises LogError if the file is not a bag."""
         with self.path.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise self.report.refuse("not a sqlite3 bag: it does not begin with the magic")
@@ -45,7 +45,7 @@ class BagReader:
             yield self.report.lose(0, f"the bag is damaged ({error})")
 
     def _define(self, bag: sqlite3.Connection) -> None:
-        """Channels of the topics. A bag of the Humble release has no definitions: they are the published ones."""
+        """Define the topics' channels. A bag of ROS Humble has no definitions; the published ones are used."""
         stored = "SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0"
         if not {("topics",), ("messages",)} <= set(bag.execute(stored)):
             raise self.report.refuse("not a bag: it has no tables 'topics' and 'messages'")
@@ -60,7 +60,7 @@ class BagReader:
                 raise self.report.refuse(f"more than {Bounds.channels} topics")
 
     def _definitions(self, bag: sqlite3.Connection) -> dict[str, tuple[str, str]]:
-        """Encoding and text by message type, where the bag has them."""
+        """Message type -> encoding and definition, if the bag has them."""
         (tables,) = bag.execute("SELECT count(*) FROM sqlite_master WHERE name = 'message_definitions'").fetchone()
         if not tables:
             return {}

@@ -1,4 +1,4 @@
-"""Rows of messages as the columns of a trial, with the values that topics hold between their messages."""
+"""Convert rows of messages to the columns of a trial, with zero-order hold between the messages of a topic."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,18 +10,18 @@ from pipeline.hardware_logs.robot_log import OperatorEvent
 Columns = dict[str, np.ndarray]
 
 LINEAR = ("joint_pos", "joint_vel", "torque_est", "rpy", "gyro_b", "acc_b")
-"""Columns of `/low_state` that are interpolated; of `rpy` the roll and the yaw on the circle."""
+"""Columns of `/low_state` that are interpolated; roll and yaw of `rpy` on the circle."""
 PREVIOUS = ("temperature_c", "lost")
-"""Columns of `/low_state` that keep the last value."""
+"""Columns of `/low_state` that hold the last value."""
 HELD: dict[str, tuple[str, ...]] = {
     "/joint_ctrl": ("target_pos", "target_torque", "kp", "kd"),
     "/fall_down": ("fall_state",),
     "/odometer_state": ("odometer",),
     "/remote_controller_state": ("sticks",),
 }
-"""Columns of the other topics, whose last value is held."""
+"""Columns of the other topics, which hold the last value."""
 PARALLEL = 0
-"""`cmd_type` of commands to the motors: those of the ankles are of cranks, not of joints."""
+"""`cmd_type` of motor commands; for the ankles these refer to the cranks, not to the joints."""
 
 
 def low_state_columns(rows: np.ndarray) -> Columns:
@@ -40,7 +40,7 @@ def low_state_columns(rows: np.ndarray) -> Columns:
 
 
 def held_columns(topic: str, rows: np.ndarray, ankles: np.ndarray) -> Columns:
-    """Columns of another topic; `ankles` are the indices of the joints that a parallel command does not tell."""
+    """Columns of another topic; `ankles` are the indices of the joints that a parallel command does not contain."""
     if topic == "/joint_ctrl":
         motors = rows["motor_cmd"]
         names = {"target_pos": "q", "target_torque": "tau", "kp": "kp", "kd": "kd"}
@@ -55,23 +55,23 @@ def held_columns(topic: str, rows: np.ndarray, ankles: np.ndarray) -> Columns:
 
 
 def unknown(values: np.ndarray) -> np.ndarray:
-    """One row that says nothing, of the kind of `values`."""
+    """One row of unknown values (NaN or -1) with the type of `values`."""
     shape, whole = (1, *values.shape[1:]), np.issubdtype(values.dtype, np.integer)
     return np.full(shape, -1 if whole else np.nan, dtype=values.dtype)
 
 
 def joined(parts: list[Columns]) -> Columns:
-    """Columns one after the other."""
+    """Concatenate columns."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def taken(columns: Columns, index: np.ndarray | slice) -> Columns:
-    """Some rows."""
+    """Select rows of all columns."""
     return {name: values[index] for name, values in columns.items()}
 
 
 class HeldTopic:
-    """Times and columns that are not yet past, with the last that is."""
+    """Buffer of a held topic: pending messages and the last past one."""
 
     def __init__(self) -> None:
         self._times: list[np.ndarray] = []
@@ -83,13 +83,13 @@ class HeldTopic:
             self._columns.append(columns)
 
     def forget(self, time_ns: int) -> None:
-        """From this time on nothing is known until the next message: some may be lost."""
+        """Mark the values as unknown from this time until the next message, since messages may be lost."""
         if self._columns:
             nothing = {name: unknown(values) for name, values in self._columns[-1].items()}
             self.add(np.array([time_ns], dtype=np.int64), nothing)
 
     def at(self, grid_ns: Int[np.ndarray, " n"], names: tuple[str, ...], blank: Columns) -> Columns:
-        """Values at ascending times; what is past is dropped. `blank`: a row of each before any message."""
+        """Values at ascending times; drops past messages. `blank`: a row of each column before the first message."""
         if not self._times:
             return {name: np.repeat(blank[name], len(grid_ns), axis=0) for name in names}
         times = np.concatenate(self._times)
@@ -103,10 +103,10 @@ class HeldTopic:
 
 
 class CommandSource:
-    """The command of one log.
+    """The velocity command of one log, from its metadata or from the remote control.
 
-    `origin_ns`: receipt of the log's first message, if known: what was stated in seconds counts from it. `whole`:
-    nothing was lost where a statement may have been, so that a log that states nothing is steered by its remote.
+    `origin_ns`: receipt time of the log's first message, if known; stated times are relative to it. `whole`: no
+    metadata can have been lost, so that a log without a stated command was steered with the remote.
     """
 
     def __init__(self, stated: StatedFacts, origin_ns: int | None, *, whole: bool):
@@ -120,7 +120,7 @@ class CommandSource:
         self._presses: list[tuple[int, str]] = []
 
     def at(self, grid_ns: Int[np.ndarray, " n"], sticks: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Commands at the samples; of `sticks` (lx, ly, rx, held) forward, left and turning left are negative."""
+        """Commands at the samples. In `sticks` (lx, ly, rx, held), forward, left and turning left are negative."""
         if self.kind == "schedule":
             if self.origin_ns is None:
                 return np.full((len(grid_ns), 3), np.nan, dtype=np.float32)
@@ -132,7 +132,7 @@ class CommandSource:
         return np.full((len(grid_ns), 3), np.nan, dtype=np.float32)
 
     def note_buttons(self, time_ns: Int[np.ndarray, " m"], rows: np.ndarray) -> None:
-        """Take messages of the remote: buttons that go down are events."""
+        """Record pressed buttons of the remote as events."""
         down = np.stack([rows[name] != 0 for name in BUTTONS], axis=1)
         before = np.concatenate([self._down[None], down[:-1]])
         for row, button in np.argwhere(down & ~before).tolist():
@@ -140,7 +140,8 @@ class CommandSource:
         self._down = down[-1] if len(down) else self._down
 
     def events(self, start_ns: int, stop_ns: int) -> tuple[OperatorEvent, ...]:
-        """Events of a trial in its time: what was stated until its end (also before its start), buttons within it."""
+        """Events of a trial on its clock: stated events until its end (also before its start), and buttons within
+        it."""
         found = [
             OperatorEvent(time_s=(each - start_ns) * 1e-9, kind=f"button {button}", source="remote")
             for each, button in self._presses

@@ -1,6 +1,6 @@
-"""Payloads to rows of one numpy type a topic: at once where the schema is the known one, else message by message.
+"""Decode payloads to numpy rows, one type per topic: vectorized for known schemas, else message by message.
 
-Messages that can't be read are left out and counted; a topic whose schema can't hold what is needed refuses the log.
+Unreadable messages are left out and counted; a log is rejected if the schema of a topic lacks required fields.
 """
 
 from dataclasses import dataclass
@@ -16,17 +16,17 @@ SEQUENCES = {message: [field.name for field in fields if field.length is None] f
 
 
 class SchemaError(ValueError):
-    """A schema that does not hold what its topic needs."""
+    """Raised for a schema without the fields that its topic needs."""
 
 
 @dataclass
 class JointCount:
-    """How many joints the robot of a log has: what its first sound message says, for all topics."""
+    """Number of joints of a log's robot, from the first valid message, for all topics."""
 
     allowed: tuple[int, ...]
     count: int | None = None
     other: int | None = None
-    """A count that no robot has, if one was met."""
+    """A count that no robot has, if one occurred."""
 
     def accept(self, count: int) -> bool:
         if count not in self.allowed:
@@ -37,7 +37,7 @@ class JointCount:
 
 
 Decoded = tuple[np.ndarray, Bool[np.ndarray, " m"]]
-"""Rows of `messages.payload_dtype`, and which of the m messages they are."""
+"""Rows of `messages.payload_dtype`, and the mask of the m messages that were decoded."""
 
 
 class TopicDecoder:
@@ -69,7 +69,7 @@ class TopicDecoder:
         return self._slowly(view, spans, kept, rows if dtype is not None else None)
 
     def _dtype(self, view: memoryview, spans: list[tuple[int, int]]) -> np.dtype | None:
-        """The type of the payloads; None while no message shows how many joints there are."""
+        """Numpy type of the payloads; None while the number of joints is unknown."""
         names = SEQUENCES[self.message]
         if names and self.joints.count is None:
             for one, other in spans:
@@ -81,7 +81,7 @@ class TopicDecoder:
         return payload_dtype(self.message, *([self.joints.count] * len(names)))
 
     def _sound(self, rows: np.ndarray) -> np.ndarray:
-        """Rows whose head and counts are what their size says."""
+        """Mask of rows whose header and counts agree with their size."""
         sound = rows["encapsulation"] == np.void(ENCAPSULATION)
         for name in SEQUENCES[self.message]:
             sound &= rows[f"{name}_count"] == self.joints.count
@@ -90,7 +90,7 @@ class TopicDecoder:
     def _slowly(
         self, view: memoryview, spans: list[tuple[int, int]], kept: np.ndarray, fast: np.ndarray | None
     ) -> Decoded:
-        """What the fast way left out, by rosbags; rows stay in the order of the file."""
+        """Decode the remaining messages with rosbags; rows stay in file order."""
         rows, place = [], 0
         for index, (one, other) in enumerate(spans):
             if kept[index] and fast is not None:
@@ -106,7 +106,7 @@ class TopicDecoder:
         return np.array(rows, dtype=dtype), kept
 
     def _may_be_read(self, payload: memoryview) -> bool:
-        """Of a known schema only what has another byte order, or is padded to a word, can still be read."""
+        """Whether rosbags may decode it: with a known schema only another byte order or padding to a word."""
         if not self._known or payload[:4] != ENCAPSULATION:
             return True
         count = _stated_count(payload[: len(payload) // 4 * 4], self.message) if SEQUENCES[self.message] else None
@@ -119,7 +119,7 @@ class TopicDecoder:
             message = self._store.deserialize_cdr(bytes(payload), self._name)
         except MemoryError:
             raise
-        except Exception:  # rosbags raises what its generated code meets: struct.error, AssertionError, ValueError, …
+        except Exception:  # rosbags' generated code raises various errors: struct.error, AssertionError, ValueError, …
             return None
         counts = [len(_value(message, name, self.topic, self._name)) for name in SEQUENCES[self.message]]
         if counts and not all(self.joints.accept(count) for count in counts):
@@ -137,7 +137,7 @@ class TopicDecoder:
     def _fill(self, row: Any, message: Any, fields: tuple[Field, ...]) -> None:
         for field in fields:
             value = _value(message, field.name, self.topic, self._name)
-            if field.kind == "int8":  # the vendor's IDL has the same octet as uint8
+            if field.kind == "int8":  # the vendor's IDL has the same byte as uint8
                 row[field.name] = (value + 128) % 256 - 128
             elif field.kind not in MESSAGES:
                 row[field.name] = value
@@ -148,7 +148,7 @@ class TopicDecoder:
                     self._fill(row[field.name][index], entry, MESSAGES[field.kind])
 
     def _register(self) -> Any:
-        """rosbags' types with the schema of the file. Raises SchemaError."""
+        """Register the file's schema with rosbags. Raises SchemaError."""
         from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
         store = get_typestore(Stores.ROS2_HUMBLE)
@@ -162,7 +162,7 @@ class TopicDecoder:
             store.register({name: fields for name, fields in types.items() if name not in store.types})
         except MemoryError:
             raise
-        except Exception as error:  # whatever its parser meets in a text that is no definition
+        except Exception as error:  # its parser raises various errors on invalid text
             raise SchemaError(f"the schema of {self.topic} can't be read ({str(error)[:80]})") from error
         return store
 

@@ -1,4 +1,4 @@
-"""A log file to trials: read with all damage reported, attributed, resampled, checked for plausibility."""
+"""Ingest a log file: read it, report damage, assign the robot, resample, check plausibility, write trials."""
 
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -19,12 +19,12 @@ from pipeline.hardware_logs.trial import Trial, read_trial
 from pipeline.robot import Robot
 
 SUFFIXES = {".mcap": McapReader, ".db3": BagReader}
-"""Formats by suffix."""
+"""File suffix -> reader."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class IngestedTrial:
-    """A trial's file, and its row in the table of trials."""
+    """A trial's file and its row in the table of trials."""
 
     name: str
     path: Path
@@ -33,7 +33,7 @@ class IngestedTrial:
 
 @dataclass(frozen=True, kw_only=True)
 class Ingested:
-    """What became of a log."""
+    """Result of ingesting a log."""
 
     trials: tuple[IngestedTrial, ...]
     integrity: str
@@ -50,17 +50,17 @@ def ingest(
     settings: LogSettings,
     sidecar: Path | None = None,
 ) -> Ingested:
-    """Read a log and write its trials into a folder, in memory that does not grow with the log.
+    """Read a log and write its trials into a folder, in bounded memory.
 
     Args:
         path: `.mcap` or `.db3`
         name: name of the log's trials
-        folder: where the Parquet files go; nothing is left there if the log is refused
+        folder: output folder of the Parquet files; nothing is left there if the log is rejected
         layouts: robots by number of joints
         settings: thresholds of the ingest
-        sidecar: the YAML file beside the log, if there is one
+        sidecar: the YAML file next to the log, if there is one
 
-    Raises LogError, one sentence, for a log that is refused.
+    Raises LogError with one sentence for a rejected log.
     """
     if path.suffix not in SUFFIXES:
         problem = f"not a log: its suffix is '{path.suffix}'"
@@ -74,11 +74,11 @@ def ingest(
         made = _read(source, name, folder, layouts, settings, sidecar)
         if made is not None:
             return made
-        known = source.metadata[METADATA]  # it came after the first message, which it has to be known for
+        known = source.metadata[METADATA]  # it must be known before the first message, but came after it
 
 
 def read_log(path: Path, robots: Iterable[Robot], settings: LogSettings) -> list[Trial]:
-    """The trials of a log. Raises LogError for a log that is refused."""
+    """Read the trials of a log. Raises LogError for a rejected log."""
     with tempfile.TemporaryDirectory(prefix="booster-lab-log-") as folder:
         made = ingest(path, path.stem, Path(folder), layouts=layouts(robots), settings=settings)
         return [read_trial(each.path) for each in made.trials]
@@ -92,7 +92,7 @@ def _read(
     settings: LogSettings,
     sidecar: Path | None,
 ) -> Ingested | None:
-    """One pass over a log; None where its metadata is not what the trials were begun with. Raises LogError."""
+    """One pass over a log; None if its metadata differ from those assumed at the start. Raises LogError."""
     path, report = source.path, source.report
     with TrialFiles(folder) as files:
         flow = MessageFlow(source, report, files, layouts, settings, lambda: _facts(source, report, sidecar))
@@ -127,7 +127,7 @@ def _facts(source: McapReader | BagReader, report: LogReport, sidecar: Path | No
 
 
 def _robot(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> Robot:
-    """The robot by its joints; what is stated must not contradict it."""
+    """The robot, from the number of joints; raises LogError if the metadata contradict it."""
     robot = flow.robot
     if robot is None:
         raise report.refuse(flow.why_nothing())
@@ -149,8 +149,8 @@ def _notes(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> tuple[s
 
 
 def _missed(stated: StatedFacts, robot: Robot, pieces: int) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The part of the head of a log that is believed to have missed bars, and why it is not."""
-    missed, doubts = missed_bars.heard(stated.facts, robot.joint_names)
+    """Trusted missed bars for the trial's metadata, and messages about the others."""
+    missed, doubts = missed_bars.trusted_bars(stated.facts, robot.joint_names)
     if missed and pieces > 1:
         return {}, (f"in which of its {pieces} trials it missed its bars is not known: they are left out.",)
     return {"missed": [asdict(each) for each in missed]} if missed else {}, doubts
@@ -166,7 +166,7 @@ def _head(
     content: str,
     settings: LogSettings,
 ) -> dict[str, Any]:
-    """Everything of a `Trial` that is no array."""
+    """All fields of a `Trial` that are not arrays."""
     assert trial.made is not None
     return {
         "name": name,

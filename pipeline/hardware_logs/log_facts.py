@@ -1,4 +1,4 @@
-"""Metadata of a log besides the robot's messages: of MCAP, and in a YAML file of the log's name beside it."""
+"""Metadata of a log: from its MCAP metadata record, and from the YAML file with its name (sidecar)."""
 
 import dataclasses
 import json
@@ -16,12 +16,12 @@ from pipeline.hardware_logs.robot_log import COMMAND_SOURCES, EVENTS, LogFacts, 
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 MAX_ROWS = 100_000
-"""Entries of a schedule."""
+"""Most rows of a schedule."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CommandStep:
-    """A row of a schedule: the command from a time on."""
+    """A row of a schedule: the command from a time onward."""
 
     time_s: float
     forward_m_s: float
@@ -31,7 +31,7 @@ class CommandStep:
 
 @dataclass(frozen=True, kw_only=True)
 class NotedEvent:
-    """What the operator noted."""
+    """An event noted by the operator."""
 
     time_s: float
     kind: Annotated[str, OneOf(EVENTS)]
@@ -39,8 +39,8 @@ class NotedEvent:
 
 @dataclass(frozen=True, kw_only=True)
 class Sidecar:
-    """The file `<log>.yaml`. What it states counts more than the log's metadata, but for robot, policy and
-    whether it is simulated."""
+    """The file `<log>.yaml`. It overrides the log's metadata, except for robot, policy and whether the log is
+    simulated."""
 
     robot: Annotated[str | None, Pattern()] = None
     policy_digest: str | None = None
@@ -54,22 +54,22 @@ class Sidecar:
 
 @dataclass(frozen=True, kw_only=True)
 class StatedFacts:
-    """Facts as far as somebody stated them."""
+    """Stated metadata; None where nothing is stated."""
 
     facts: LogFacts
     start_ns: int | None
-    """Receipt of the first message as the recorder noted it."""
+    """Receipt time of the first message, as recorded [ns]."""
     remarks: tuple[str, ...]
     damaged: bool
-    """There is metadata that can't be used."""
+    """Whether there are metadata that can't be used."""
 
 
 class FactsError(PipelineError):
-    """Statements that contradict each other, or a sidecar that can't be read."""
+    """Raised for contradictory metadata, or a sidecar that can't be read."""
 
 
 def to_metadata(facts: LogFacts, start_ns: int) -> dict[str, str]:
-    """Facts as the strings of an MCAP metadata record, with a checksum of their own as MCAP has none for it."""
+    """Metadata as strings of an MCAP metadata record, with a checksum, since MCAP has none for these records."""
     values = {
         "robot": facts.robot,
         "policy_digest": facts.policy_digest or "",
@@ -85,7 +85,7 @@ def to_metadata(facts: LogFacts, start_ns: int) -> dict[str, str]:
 
 
 def stated_facts(metadata: dict[str, str] | None, sidecar: Path | None) -> StatedFacts:
-    """Facts of a log from both places. Raises FactsError."""
+    """Metadata of a log from both places. Raises FactsError."""
     facts, start_ns, remarks = _of_metadata(metadata or {})
     damaged = bool(remarks)
     if sidecar is not None:
@@ -111,7 +111,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """A log's metadata record, as far as it states something."""
+    """A log's parsed metadata record."""
 
     robot: str | None = None
     policy_digest: str | None = None

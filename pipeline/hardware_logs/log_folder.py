@@ -1,6 +1,6 @@
-"""The folder that logs are dropped into: which files are logs, which are whole, what their content is.
+"""The input folder of logs: find log files, check that they are complete, identify their content.
 
-Each refused log gets a text beside it where a text can be written; a folder that is read-only stops no ingest.
+For each rejected log a text file with the reason is written if possible; a read-only folder does not stop the ingest.
 """
 
 import contextlib
@@ -20,22 +20,22 @@ from pipeline.hardware_logs.ingest import SUFFIXES
 from pipeline.hardware_logs.mcap_records import MAGIC
 
 QUARANTINE = "quarantine"
-"""Folder of sentences, one for each log that is refused; nothing is moved there."""
+"""Folder of the reasons, one text file per rejected log; logs are not moved there."""
 PACKED = {".zstd", ".zst", ".gz", ".zip", ".tar", ".bag"}
 QUIET_S = 3.0
-"""A file that is whole by its format and was not written for so long is complete."""
+"""Time without a write after which a file with a valid end counts as complete [s]."""
 FURTHER_TRIAL = re.compile(r"\+[0-9]+$")
-"""End of the name of a log's second trial and those after it."""
+"""Suffix of the names of a log's second and further trials."""
 STALE_S = 60.0
-"""A file that is incomplete by its format and was not written for this long will not be completed [s]."""
+"""Time without a write after which a file without a valid end is taken as final [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogFile:
-    """A log, and the YAML file beside it."""
+    """A log and the YAML file next to it."""
 
     name: str
-    """Path below the folder without suffix, or with it where two logs or a trial would have that name too."""
+    """Path below the folder without suffix, or with it if another log or trial has that name."""
     path: Path
     sidecar: Path | None
     content: str
@@ -45,17 +45,17 @@ class LogFile:
 
 
 def list_logs(folder: Path) -> list[Path]:
-    """Every log below a folder, in order; files that begin with a dot are of those who copy."""
+    """All logs below a folder, sorted, except hidden files, which are unfinished copies."""
     return sorted(path for path in _files(folder) if path.suffix in SUFFIXES)
 
 
 def packed_files(folder: Path) -> list[Path]:
-    """Files that look like logs packed by somebody, which are not unpacked here, and logs of ROS 1."""
+    """Compressed logs, which are not unpacked here, and logs of ROS 1."""
     return sorted(path for path in _files(folder) if path.suffix in PACKED)
 
 
 def closed_folders(folder: Path) -> list[Path]:
-    """Folders below a folder that can't be read."""
+    """Unreadable folders below a folder."""
     closed: list[Path] = []
     for _ in _files(folder, closed):
         pass
@@ -63,7 +63,7 @@ def closed_folders(folder: Path) -> list[Path]:
 
 
 def _files(folder: Path, closed: list[Path] | None = None) -> Iterator[Path]:
-    """Files below a folder, but hidden and quarantined ones; `closed` takes the folders that can't be listed."""
+    """Files below a folder, except hidden and quarantined ones; folders that can't be listed are added to `closed`."""
 
     def refused(error: OSError) -> None:
         if closed is not None and Path(error.filename) != folder:
@@ -79,7 +79,7 @@ def _files(folder: Path, closed: list[Path] | None = None) -> Iterator[Path]:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether the file ends as its format says that it ends."""
+    """Whether the file has the valid end of its format."""
     with path.open("rb") as stream:
         head = stream.read(100)
         size = path.stat().st_size
@@ -93,9 +93,9 @@ def is_whole(path: Path) -> bool:
 
 
 def is_complete(path: Path, now_s: float) -> bool:
-    """Whether a file is completely written: whole and unchanged for a while, or unchanged for long.
+    """Whether a file is completely written: valid end and unchanged for `QUIET_S`, or unchanged for `STALE_S`.
 
-    A copy that kept the time of a robot with a fast clock counts as written at the time of this machine's clock.
+    Also correct if the file's modification time is in the future because the robot's clock was fast.
     """
     stat = path.stat()
     age_s = now_s - (stat.st_mtime if stat.st_mtime <= now_s else stat.st_ctime)
@@ -103,10 +103,10 @@ def is_complete(path: Path, now_s: float) -> bool:
 
 
 def names_of(paths: list[Path]) -> list[str]:
-    """What logs at these relative paths are called: no two alike, and none as a further trial of another one.
+    """Unique names of logs at these relative paths, which also differ from the names of further trials of other logs.
 
-    A log is called after its path without suffix. It keeps the suffix where another one differs in that alone, and
-    where what is left would read as a further trial (`x+2` is the second of `x`) or as another log's name with suffix.
+    The name is the path without suffix. The suffix is kept if another path differs only in the suffix, or if the name
+    would be that of a further trial (`x+2` is the second of `x`) or another log's name with suffix.
     """
     stems = [path.with_suffix("").as_posix() for path in paths]
     taken = Counter(stems)
@@ -117,7 +117,7 @@ def names_of(paths: list[Path]) -> list[str]:
 
 
 def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tuple[list[LogFile], list[Path]]:
-    """The logs that are complete, by name, and those still being written or unreadable; `cache` remembers digests."""
+    """Complete logs by name, and those still being written or unreadable; `cache` is the file of known digests."""
     found, waiting, digests = [], [], DigestMemory(cache)
     paths = list_logs(folder)
     for path, name in zip(paths, names_of([path.relative_to(folder) for path in paths]), strict=True):
@@ -131,14 +131,14 @@ def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tupl
             question = digest.of_json([content, digest.of_file(sidecar) if beside else None])
             found.append(LogFile(name=name, path=path, sidecar=beside, content=content, question=question))
         except OSError:
-            waiting += [path] if path.exists() else []  # else it was taken away while we looked
+            waiting += [path] if path.exists() else []  # else it was removed meanwhile
     if paths:
         digests.save()
     return found, waiting
 
 
 def without_copies(logs: list[LogFile], known: dict[str, str]) -> tuple[list[LogFile], list[str]]:
-    """Logs without second copies, and a sentence for each; `known`: question of a log -> the name that it keeps."""
+    """Remove duplicate logs, with a sentence for each; `known`: `question` of a log -> name that it keeps."""
     kept: dict[str, LogFile] = {}
     for log in logs:
         other = kept.get(log.question)
@@ -150,15 +150,16 @@ def without_copies(logs: list[LogFile], known: dict[str, str]) -> tuple[list[Log
 
 
 LONGEST_PART = 200
-"""Bytes of a part of a text's path; file systems allow 255, and a text has a longer name while it is written."""
+"""Most bytes of a component of a text file's path; file systems allow 255, and temporary names are longer."""
 SUFFIX = ".txt"
 
 
 def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
-    """Make `folder` hold one text for each refused log (name -> reason) and no other; a sentence for each that fails.
+    """Write one text file per rejected log (name -> reason) into `folder` and remove others; a sentence for each
+    failure.
 
-    A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is the
-    beginning of the log's name and a digest of all of it: `<beginning>-<digest>.txt`, `_` for `/`.
+    The file is `<log>.txt`. If that name is too long, or is a folder of other logs' texts, it is the start of the log's
+    name and a digest of the name: `<start>-<digest>.txt`, with `_` for `/`.
     """
     texts = {path: decodable(refused[name]) + "\n" for name, path in text_paths(sorted(refused)).items()}
     problems = _clear(folder, set(texts))
@@ -173,7 +174,7 @@ def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
 
 
 def text_paths(names: list[str]) -> dict[str, str]:
-    """Where the text of each log goes, below the folder; no text has the path of another's folder."""
+    """Path of each log's text file below the folder; no path is also a folder of another one."""
     plain = {name: name + SUFFIX for name in names}
     folders = {str(parent) for path in plain.values() for parent in PurePosixPath(path).parents}
     odd = {name for name, path in plain.items() if path in folders or max(map(_size, path.split("/"))) > LONGEST_PART}
@@ -181,7 +182,7 @@ def text_paths(names: list[str]) -> dict[str, str]:
 
 
 def _shortened(name: str) -> str:
-    """The beginning of a log's name and a digest of the name, as one part of a path."""
+    """The start of a log's name and a digest of the name, as one path component."""
     ending = f"-{digest.of_bytes(os.fsencode(name))[:12]}{SUFFIX}"
     beginning = name.replace("/", "_")
     while _size(beginning + ending) > LONGEST_PART:
@@ -193,18 +194,18 @@ def _size(part: str) -> int:
     return len(os.fsencode(part))
 
 
-def _clear(folder: Path, wanted: set[str]) -> list[str]:
-    """Remove texts of logs that are not refused any more, and folders that hold none; what can't be removed."""
+def _clear(folder: Path, expected: set[str]) -> list[str]:
+    """Remove text files of logs that are no longer rejected, and empty folders; return those that can't be removed."""
     problems = []
     for parent, folders, names in os.walk(folder, topdown=False):
         for name in names:
             path = Path(parent) / name
-            if path.suffix == SUFFIX and path.relative_to(folder).as_posix() not in wanted:
+            if path.suffix == SUFFIX and path.relative_to(folder).as_posix() not in expected:
                 try:
                     path.unlink()
                 except OSError as error:
                     problems.append(f"the sentence on a log that is not refused any more can't be removed: {error}")
         for name in folders:
             with contextlib.suppress(OSError):
-                (Path(parent) / name).rmdir()  # one that holds something stays
+                (Path(parent) / name).rmdir()  # only if it is empty
     return problems

@@ -1,6 +1,6 @@
-"""What happened while a log was read: its one error type, its bounds, what was lost and where, and clock jumps.
+"""Report on the reading of a log: error type, size limits, losses and clock jumps.
 
-Settings of `data/hardware_logs.yaml`, and which robot a log is of, by the number of its joints.
+Also the settings of `data/hardware_logs.yaml`, and the robots by number of joints.
 """
 
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ from pipeline.robot import Robot
 
 
 class LogError(FileError):
-    """A log that is refused, with the byte that the problem was found at and the messages that were read until then."""
+    """Raised for a rejected log, with the byte offset of the problem and the number of messages read before it."""
 
     def __init__(self, path: Path | str, problem: str, do: str = "", offset: int = 0, recovered: int = 0):
         problem = " ".join(problem.split())
@@ -26,22 +26,22 @@ class LogError(FileError):
 
 
 class Bounds:
-    """How much of a file is believed. What is beyond is damage or malice."""
+    """Size limits of a file. Larger values are due to damage or malice."""
 
     record_bytes = 64_000_000
-    """Of a record, and of a chunk after inflation. A recorder's chunks have 0.8 to 4 MB."""
+    """Largest record, and largest decompressed chunk. A recorder's chunks have 0.8 to 4 MB."""
     total_bytes = 20_000_000_000
-    """Of all chunks after inflation."""
+    """Largest total of all decompressed chunks."""
     messages = 50_000_000
     chunks = 200_000
-    """A recorder's chunk is a second or so."""
+    """Most chunks; a recorder's chunk contains about 1 s."""
     channels = 1_000
     schema_bytes = 250_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Loss:
-    """A place where messages may be missing: what was read before and after is not neighbouring."""
+    """A position in the file where messages may be missing."""
 
     offset: int
     problem: str
@@ -49,23 +49,23 @@ class Loss:
 
 @dataclass
 class LogReport:
-    """Of one file. `messages` counts what was read of each topic, foreign ones as well."""
+    """Report on one file. `messages` is the number of messages read per topic, including unused topics."""
 
     path: Path
     losses: list[Loss] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
-    """What was noticed that loses nothing."""
+    """Remarks on irregularities without loss."""
     messages: dict[str, int] = field(default_factory=dict)
     checked: int = 0
-    """Chunks whose checksum held."""
+    """Number of chunks with a correct checksum."""
     unchecked: int = 0
-    """Chunks without a checksum, or stretches of messages outside chunks."""
+    """Number of chunks without a checksum and of message sequences outside chunks."""
     whole_checked: bool = False
-    """The checksum of the whole data section held."""
+    """Whether the checksum of the whole data section is correct."""
     offset: int = 0
-    """Where reading is."""
+    """Current read position [bytes]."""
     ended: bool = False
-    """The data section's end was reached."""
+    """Whether the end of the data section was reached."""
 
     @property
     def total(self) -> int:
@@ -73,22 +73,22 @@ class LogReport:
 
     @property
     def integrity(self) -> str:
-        """As `Trial.integrity`."""
+        """Value for `Trial.integrity`."""
         if self.unchecked and not self.whole_checked:
             return "unverified"
         return "recovered" if self.losses or not self.ended else "complete"
 
     def lose(self, offset: int, problem: str) -> Loss:
-        """Note a loss."""
+        """Record a loss."""
         self.losses.append(Loss(offset=offset, problem=problem))
         return self.losses[-1]
 
     def refuse(self, problem: str, do: str = "") -> LogError:
-        """The error that refuses the file."""
+        """The error for rejecting the file."""
         return LogError(self.path, problem, do, self.offset, self.total)
 
     def sentence(self) -> str:
-        """One sentence on what was read and lost."""
+        """One sentence on the messages read and lost."""
         text = f"{self.total} messages read"
         if self.losses:
             first = self.losses[0]
@@ -100,17 +100,17 @@ class LogReport:
 
 
 MIN_STRETCH = 3
-"""Messages of a stretch; fewer with a time of their own have a wrong stamp."""
+"""Least number of messages of a stretch; fewer with a deviating time have a wrong timestamp."""
 LATEST_NS = 1 << 62
 
 
 def stretches(
     time_ns: Int[np.ndarray, " m"], last_ns: int | None, *, back_ns: int, ahead_ns: int
 ) -> list[tuple[Int[np.ndarray, " k"], bool]]:
-    """Cut messages where the clock jumps; messages with a stamp of their own are left out.
+    """Split messages where the clock jumps; messages with wrong timestamps are left out.
 
-    Of each stretch the indices in the file's order, and whether the clock jumped, or long nothing was received, before.
-    Disorder up to `back_ns` and silence up to `ahead_ns` are no jumps; `last_ns` is the last stamp before, if any.
+    For each stretch: the indices in file order, and whether it follows a clock jump or a long pause. Reordering up to
+    `back_ns` and pauses up to `ahead_ns` are no jumps; `last_ns` is the previous timestamp, if any.
     """
     kept = np.flatnonzero((time_ns >= 0) & (time_ns < LATEST_NS))
     times = time_ns[kept]
@@ -139,7 +139,7 @@ def _runs_on(time_ns: int, last_ns: int | None, back_ns: int, ahead_ns: int) -> 
 
 
 def layouts(robots: Iterable[Robot]) -> dict[int, tuple[Robot, ...]]:
-    """Robots by number of joints. Where several robots have as many, a log must state its robot."""
+    """Number of joints -> robots. If several robots have the same number, a log must state its robot."""
     found: dict[int, tuple[Robot, ...]] = {}
     for each in robots:
         count = len(each.joint_names)
@@ -149,7 +149,7 @@ def layouts(robots: Iterable[Robot]) -> dict[int, tuple[Robot, ...]]:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeSettings:
-    """The time base of trials."""
+    """Time base of trials."""
 
     rate_hz: Annotated[float, RATE_HZ]
     bridge_s: Annotated[float, POSITIVE]
@@ -164,7 +164,7 @@ class TimeSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PlausibleSettings:
-    """Plausible values of a robot."""
+    """Limits of plausible values."""
 
     position_margin_rad: Annotated[float, POSITIVE]
     speed_factor: Annotated[float, POSITIVE]
@@ -180,7 +180,7 @@ class PlausibleSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class LogSettings:
-    """The whole file."""
+    """`data/hardware_logs.yaml`."""
 
     time: TimeSettings
     plausible: PlausibleSettings

@@ -1,7 +1,7 @@
-"""Walk the data section of an MCAP file in bounded memory; no index is trusted, every checksum is checked.
+"""Read the data section of an MCAP file in bounded memory, without relying on indices; all checksums are checked.
 
-Damage is skipped: reading continues from the next chunk whose checksum holds, or from the next head of a message.
-Every such place is a `Loss` between the records before and after.
+Damage is skipped: reading continues at the next chunk with a correct checksum, or at the next message header. Each such
+position is reported as a `Loss` between the records.
 """
 
 import zlib
@@ -29,28 +29,28 @@ from pipeline.hardware_logs.mcap_records import (
 )
 
 KINDS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-"""A chunk's compression as it is written; the record starts `BEFORE` bytes earlier."""
+"""Encoded compression field of a chunk; the record starts `BEFORE` bytes earlier."""
 BEFORE = RECORD_HEAD.size + CHUNK_HEAD.size
 HEAD_BYTES = 11
-"""Opcode, length and channel of a message."""
+"""Bytes of a message's opcode, length and channel."""
 MAX_TRIED = 1_000
-"""Places of one file that are inflated to see whether they are chunks."""
+"""Most positions of a file that are decompressed to test for a chunk."""
 
 
 BLOCK = 1 << 20
-"""Bytes of records outside chunks that are read at a time, where they are not longer."""
+"""Bytes of records outside chunks that are read at once, unless a record is longer."""
 HEAD = RECORD_HEAD.size
 
 
 class McapReader:
-    """One pass over a file. Iterate over `read()`; `channels` and `metadata` fill on the way."""
+    """One pass over a file. Iterate over `read()`, which also fills `channels` and `metadata`."""
 
     def __init__(self, path: Path, report: LogReport):
         self.path, self.report = path, report
         self.channels = Channels()
         self.metadata: dict[str, dict[str, str]] = {}
         self.contradicted: set[str] = set()
-        """Names of metadata records of which another one says something else."""
+        """Names of metadata records that contradict another one."""
         self.summary: Summary | None = None
         self._inflated, self._tried = 0, 0
         self._counts: Counter[int] = Counter()
@@ -58,7 +58,7 @@ class McapReader:
         """Record length and channel of messages outside chunks."""
 
     def read(self) -> Iterator[Records | Loss]:
-        """Messages in the order of the file, with the losses between them. Raises LogError for what is no MCAP file."""
+        """Yield messages in file order and the losses between them. Raises LogError if the file is not MCAP."""
         with self.path.open("rb") as self._stream:
             self._size = self.path.stat().st_size
             if self._bytes(0, 8) != MAGIC:
@@ -96,9 +96,9 @@ class McapReader:
                 at += HEAD + length
 
     def _next(self, start: int) -> int | None:
-        """Where reading can continue: behind chunks with checksums only at such a chunk.
+        """Position at which reading can continue; in a file with chunk checksums only at such a chunk.
 
-        Messages outside chunks are found by their heads: of a length and channel that was met before.
+        Messages outside chunks are found by their header, with a length and channel that occurred before.
         """
         if self._lengths and not self.report.checked:
             heads = (MESSAGE_HEAD.pack(Opcode.MESSAGE, length, each, 0, 0, 0) for length, each in self._lengths)
@@ -109,7 +109,7 @@ class McapReader:
         return min(found, default=None)
 
     def _first_chunk(self, places: Iterable[int]) -> int | None:
-        """The first of the places with a chunk whose checksum holds."""
+        """The first position with a chunk whose checksum is correct."""
         for at in places:
             self._tried += 1
             if self._tried > MAX_TRIED:
@@ -129,7 +129,7 @@ class McapReader:
             return False
 
     def _find(self, patterns: Sequence[bytes], start: int) -> Iterator[int]:
-        """Places of any of the patterns from `start` on, in ascending order."""
+        """Positions of any of the patterns from `start`, ascending."""
         overlap = max(map(len, patterns), default=1) - 1
         for block in range(start, self._size, BLOCK):
             data, found = self._bytes(block, BLOCK + overlap), set()
@@ -158,7 +158,7 @@ class McapReader:
         return self._stream.read(size)
 
     def _note_bare(self, records: Records) -> None:
-        """Messages outside chunks have no checksum; how they begin is how others of them will."""
+        """Record length and channel of messages outside chunks, to find further ones after damage."""
         if len(records.channel):
             self.report.unchecked += 1
             lengths = (records.stop - records.start + MESSAGE_HEAD.size - HEAD).tolist()
@@ -208,7 +208,7 @@ class McapReader:
             self.contradicted.add(found.name)
 
     def _end(self, at: int) -> Iterator[Loss]:
-        """Hold what was read against the checksum of the whole and against the statistics."""
+        """Compare what was read with the checksum of the data section and with the statistics."""
         self.report.ended = True
         crc = int.from_bytes(self._bytes(at + HEAD, 4), "little")
         if crc and self.report.unchecked:

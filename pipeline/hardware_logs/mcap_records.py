@@ -1,4 +1,4 @@
-"""Records of MCAP files as bytes (mcap.dev/spec): heads, fields, chunks that are checked and cut, the summary."""
+"""Parse MCAP records from bytes (mcap.dev/spec): headers, fields, chunks, the summary."""
 
 import struct
 import zlib
@@ -19,7 +19,7 @@ from pipeline.hardware_logs.log_report import Bounds
 MAGIC = b"\x89MCAP0\r\n"
 
 RECORD_HEAD = struct.Struct("<BQ")
-"""Opcode and length of what follows."""
+"""Opcode and content length of a record."""
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time, publish time; the payload follows."""
 CHUNK_HEAD = struct.Struct("<QQQI")
@@ -29,7 +29,7 @@ FOOTER_LENGTH = RECORD_HEAD.size + 20
 
 
 class Fields(ReadDataStream):
-    """Reads fields of a record's content one after the other. Raises ValueError where it ends too early."""
+    """Sequential reader of a record's fields. Raises ValueError at the end of the content."""
 
     def __init__(self, content: bytes):
         super().__init__(BytesIO(content))
@@ -43,10 +43,10 @@ class Fields(ReadDataStream):
 
 HEADS = np.dtype("u1, <u8, <u2, <u4, <u8, <u8")
 HEADS.names = ("opcode", "length", "channel", "sequence", "time_ns", "publish_ns")
-"""The head of a message as numpy has it."""
+"""Header of a message as a numpy type."""
 MESSAGE, DEFINITIONS = int(Opcode.MESSAGE), (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
 WINDOW_BYTES = 1 << 27
-"""Largest window a zstd frame may ask memory for."""
+"""Largest window of a zstd frame [bytes]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,23 +56,23 @@ class Records:
     data: bytes
     channel: Int[np.ndarray, " m"]
     time_ns: Int[np.ndarray, " m"]
-    """Log time."""
+    """Log time [ns]."""
     start: Int[np.ndarray, " m"]
-    """First byte of the payload."""
+    """Offset of the payload's first byte."""
     stop: Int[np.ndarray, " m"]
     end: int
-    """First byte behind the last record that was cut."""
+    """Offset after the last parsed record."""
     definitions: tuple[tuple[int, bytes], ...]
     """Opcode and content of schemas and channels, in their order."""
 
 
 def open_chunk(content: bytes, limit: int) -> tuple[bytes, bool]:
-    """Records in a chunk record's content after inflation, and whether it has a checksum. Raises ValueError."""
+    """Decompressed records of a chunk, and whether it has a checksum. Raises ValueError."""
     fields = Fields(content)
     chunk = records.Chunk.read(fields)
     size, crc = chunk.uncompressed_size, chunk.uncompressed_crc
     if fields.count != len(content):
-        raise ValueError(f"a chunk that says {len(chunk.data)} bytes is followed by {len(content) - fields.count}")
+        raise ValueError(f"a chunk that states {len(chunk.data)} bytes is followed by {len(content) - fields.count}")
     if size > limit:
         raise ValueError(f"a chunk of {size} bytes, at most {limit} are allowed")
     data = _inflate(chunk.data, chunk.compression, size)
@@ -87,7 +87,7 @@ def _inflate(stored: bytes, compression: str, size: int) -> bytes:
     try:
         if compression == "zstd":
             if zstandard.frame_content_size(stored) not in (-1, size):
-                raise ValueError("a chunk of another size than it says")
+                raise ValueError("a chunk of another size than it states")
             inflater = zstandard.ZstdDecompressor(max_window_size=WINDOW_BYTES)
             data = inflater.decompress(stored, max_output_size=size) if size else b""
         elif compression == "lz4":
@@ -99,14 +99,14 @@ def _inflate(stored: bytes, compression: str, size: int) -> bytes:
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise ValueError(f"a chunk that can't be inflated ({str(error).splitlines()[0][:80]})") from error
     if len(data) != size:
-        raise ValueError("a chunk of another size than it says")
+        raise ValueError("a chunk of another size than it states")
     return data
 
 
 def cut(data: bytes, *, whole: bool) -> Records:
-    """Cut bytes into records, up to the first that is no message, schema or channel, or not whole.
+    """Parse records up to the first that is not a message, schema or channel, or is incomplete.
 
-    With `whole` such a record is a ValueError.
+    With `whole` such a record raises ValueError.
     """
     places, definitions = [], []
     unpack, size, at = RECORD_HEAD.unpack_from, len(data), 0
@@ -149,19 +149,19 @@ class Schema:
 class Channel:
     topic: str
     encoding: str
-    """Of the messages: `cdr`, …"""
+    """Encoding of the messages: `cdr`, …"""
     schema: Schema | None
 
 
 @dataclass
 class Channels:
-    """Channels by number. The first definition of a number stays."""
+    """Channels by id. The first definition of an id is kept."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
 
     def define(self, opcode: int, content: bytes) -> None:
-        """Take a schema or channel record. Raises ValueError (also of text that is not UTF-8)."""
+        """Add a schema or channel record. Raises ValueError (also for text that is not UTF-8)."""
         if opcode == Opcode.SCHEMA:
             one = records.Schema.read(Fields(content))
             if len(one.data) > Bounds.schema_bytes:
@@ -177,19 +177,19 @@ class Channels:
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """Contents of a summary. They are compared with what was read, never taken alone."""
+    """Contents of a summary, used only for comparison with the data section."""
 
     counts: dict[int, int] | None
-    """Messages by channel, where it has statistics."""
+    """Number of messages by channel, if the summary has statistics."""
     first_ns: int | None
-    """Log time of the first message, where the checksum of the summary holds."""
+    """Log time of the first message, if the summary's checksum is correct [ns]."""
     chunk_offsets: tuple[int, ...]
     definitions: tuple[tuple[int, bytes], ...]
-    """Schemas and channels, where the checksum of the summary holds."""
+    """Schemas and channels, if the summary's checksum is correct."""
 
 
 def read_summary(stream: BinaryIO, size: int) -> Summary | None:
-    """The summary of a file, an empty one where it says that it has none; None where it is missing or damaged."""
+    """Read the summary of a file; empty if the footer states that there is none; None if it is missing or damaged."""
     end = size - len(MAGIC)
     if end < FOOTER_LENGTH:
         return None

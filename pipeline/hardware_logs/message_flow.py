@@ -1,4 +1,4 @@
-"""What a log's messages go through on their way to files: clock, decoding, plausibility, grid, command."""
+"""Process a log's messages into trial files: clock jumps, decoding, plausibility, resampling, command."""
 
 from collections.abc import Callable, Iterator, Mapping
 
@@ -19,11 +19,11 @@ from pipeline.robot import Robot
 from pipeline.robot.legs import legs_of
 
 MAX_TRIALS = 200
-"""Of a log; one whose clock jumps more often is no log."""
+"""Most trials of a log; more clock jumps mean that the file is not a valid log."""
 MAX_EARLY = 20_000
-"""Messages of other topics that are kept until the first of `/low_state`."""
+"""Most messages of other topics that are kept until the first of `/low_state`."""
 MIN_DENSITY = 0.02
-"""Messages a sample; a log with fewer would fill the disk with gaps."""
+"""Least number of messages per sample; a sparser log would produce large files of gaps."""
 
 
 class MessageFlow:
@@ -67,12 +67,12 @@ class MessageFlow:
                 raise self.report.refuse(refusal)
 
     def _items(self) -> Iterator[Records | Loss]:
-        """The items of the source. An unforeseen error of it refuses the log; one of the disk or of memory does not."""
+        """Items of the source. Unexpected errors of it reject the log; disk and memory errors are raised."""
         try:
             yield from self.source.read()
         except (PipelineError, OSError, MemoryError):
             raise
-        except Exception as error:  # readers of three formats meet whatever is in a file
+        except Exception as error:  # invalid files cause various errors in the readers' libraries
             raise self.report.refuse(f"it can't be read ({type(error).__name__}: {error})") from error
 
     def _records(self, records: Records) -> None:
@@ -99,7 +99,7 @@ class MessageFlow:
                 raise self.report.refuse(f"only {trial.messages} messages of /low_state for {trial.samples} samples")
 
     def _jump(self, time_ns: int) -> None:
-        """The trial ends; what was stated in seconds can only be placed behind damage, not behind a jump."""
+        """End the trial at a clock jump; stated times are valid after damage, but not after a jump."""
         assert self._last_ns is not None
         forward = time_ns > self._last_ns
         self._jumps += 1
@@ -128,7 +128,7 @@ class MessageFlow:
                 self._take(topic, records.time_ns[mine[kept]], rows)
 
     def _decoder(self, number: int) -> TopicDecoder | None:
-        """None for topics that are passed over."""
+        """The decoder of a channel; None for unused topics."""
         known = self.source.channels.channels.get(number)
         if number not in self._decoders and known is not None:
             try:
@@ -160,7 +160,7 @@ class MessageFlow:
         self._regular.hold(topic, time_ns, held_columns(topic, rows, self._ankles))
 
     def _robot_of(self, fitting: tuple[Robot, ...], robot: str) -> Robot:
-        """The robot that the log states, of those with as many joints; the only one if it states none."""
+        """The stated robot among those with the same number of joints, or the only one."""
         stated = [each for each in fitting if each.name == robot]
         if len(fitting) == 1 or stated:
             return (stated or fitting)[0]
@@ -169,7 +169,7 @@ class MessageFlow:
         raise self.report.refuse(f"{joints} joints are those of {names}; state the robot in a YAML file beside the log")
 
     def _begin(self) -> None:
-        """The first message of `/low_state`: the robot is known."""
+        """Set up the processing at the first message of `/low_state`, which determines the robot."""
         assert self._joints.count is not None
         self.stated = self._facts()
         self.robot = self._robot_of(self.layouts[self._joints.count], self.stated.facts.robot)
@@ -185,7 +185,8 @@ class MessageFlow:
             self._take(topic, time_ns, rows)
 
     def _origin(self) -> int | None:
-        """Receipt of the log's first message: as noted, as its summary says, or as read if nothing was lost before."""
+        """Receipt time of the log's first message: as recorded, from the summary, or as read if nothing was lost
+        before."""
         assert self.stated is not None
         if self.stated.start_ns is not None:
             return self.stated.start_ns
@@ -207,7 +208,7 @@ class MessageFlow:
             self.files.add(columns)
 
     def _end(self, made: Stretched) -> None:
-        """A trial is whole: too short, too sparse, or closed with its events."""
+        """End a trial: drop it if it is too short or too sparse, else close it with its events."""
         time, plausible = self.settings.time, self.settings.plausible
         self._grid_start = None
         if made.samples < time.min_s * time.rate_hz:
@@ -224,7 +225,7 @@ class MessageFlow:
         self.files.close(made, self._command.events(made.start_ns, stop_ns), self._command.kind)
 
     def why_nothing(self) -> str:
-        """Why there are no samples at all."""
+        """Why the log has no samples."""
         there = ", ".join(f"{name} {count}" for name, count in sorted(self.report.messages.items()) if name)
         if self._joints.other is not None:
             known = ", ".join(
@@ -240,7 +241,7 @@ class MessageFlow:
         return f"it has no messages of /low_state (there are: {there or 'none at all'})"
 
     def remarks(self) -> list[str]:
-        """What was noticed on the way, a sentence each."""
+        """Remarks on the log, one sentence each."""
         counts = {
             "messages have a time of their own and are left out": self._stray,
             "messages can't be decoded and are left out": self._unread,

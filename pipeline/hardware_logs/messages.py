@@ -1,6 +1,7 @@
-"""The messages of a Booster robot as tables of fields: their ros2msg text, and their CDR bytes as numpy types.
+"""Message definitions of a Booster robot: fields, ros2msg text, and CDR layout as numpy types.
 
-Fields are those of the published interface (booster_interface). A message has no stamp: time is the recorder's receipt.
+The fields are those of the published interface (booster_interface). Messages have no timestamp; the time is the
+recorder's receipt time.
 """
 
 import functools
@@ -16,7 +17,7 @@ PACKAGE = "booster_interface"
 
 @dataclass(frozen=True)
 class Field:
-    """A primitive or a message of the package, alone, `length` times, or (`None`) as often as the bytes say."""
+    """A field: a primitive or message, single, as array of `length`, or (`None`) as variable-length sequence."""
 
     kind: str
     name: str
@@ -24,7 +25,8 @@ class Field:
 
 
 PRIMITIVES = {"int8": "i1", "uint8": "u1", "bool": "u1", "int32": "<i4", "uint32": "<u4", "float32": "<f4"}
-"""numpy's code of each primitive. A bool is read as its octet: one that is neither 0 nor 1 must not be hidden."""
+"""numpy's code of each primitive. A bool is read as a byte, so that values other than 0 and 1 are
+detected."""
 
 BUTTONS = ("a", "b", "x", "y", "lb", "rb", "lt", "rt", "ls", "rs", "back", "start")
 HATS = ("hat_c", "hat_u", "hat_d", "hat_l", "hat_r", "hat_lu", "hat_ld", "hat_ru", "hat_rd")
@@ -65,7 +67,7 @@ TOPICS = {
     "/odometer_state": "Odometer",
     "/remote_controller_state": "RemoteControllerState",
 }
-"""The topics that are read, and the message on each. Others are passed over."""
+"""Topic -> message type, for the topics that are read; others are ignored."""
 
 
 def schema_name(message: str) -> str:
@@ -74,7 +76,7 @@ def schema_name(message: str) -> str:
 
 
 def schema_text(message: str) -> str:
-    """The ros2msg definition of a message and of all it holds."""
+    """The ros2msg definition of a message and of all nested messages."""
     blocks = [_block(message)]
     blocks += [f"{'=' * 80}\nMSG: {PACKAGE}/{name}\n{_block(name)}" for name in _held(message)]
     return "".join(blocks)
@@ -90,7 +92,7 @@ def _block(message: str) -> str:
 
 
 def _held(message: str) -> list[str]:
-    """Messages that a message holds, each once, in the order of first use."""
+    """Nested messages of a message, each once, in the order of first use."""
     found: list[str] = []
     for field in MESSAGES[message]:
         if field.kind in MESSAGES:
@@ -99,7 +101,7 @@ def _held(message: str) -> list[str]:
 
 
 def is_known_text(message: str, text: str) -> bool:
-    """Whether a schema's text says what our table says; remarks, blanks and constants do not count."""
+    """Whether a schema's text agrees with our definition, ignoring comments, blanks and constants."""
     return _lines(text) == _lines(schema_text(message))
 
 
@@ -114,9 +116,10 @@ def _lines(text: str) -> list[str]:
 
 @functools.lru_cache(maxsize=64)
 def payload_dtype(message: str, *counts: int) -> np.dtype:
-    """A payload, encapsulation first, with `counts` entries in its sequences; each count is a field `<name>_count`.
+    """Numpy type of a payload with encapsulation header; `counts` are the lengths of its sequences, each also a field
+    `<name>_count`.
 
-    Alignment is CDR's, counted from behind the encapsulation.
+    Alignment as in CDR, relative to the end of the encapsulation header.
     """
     return _structure(message, list(counts), {"encapsulation": (np.dtype("V4"), 0)})
 
@@ -128,7 +131,7 @@ def _element(kind: str) -> np.dtype:
 
 
 def _structure(message: str, counts: list[int], placed: dict[str, tuple[np.dtype, int]]) -> np.dtype:
-    """The fields of a message behind those that are placed already: name -> type and offset."""
+    """Fields of a message after those already `placed`: name -> type and offset."""
     end = sum(kind.itemsize for kind, _ in placed.values())
     for field in MESSAGES[message]:
         length = field.length

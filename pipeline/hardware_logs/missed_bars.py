@@ -1,7 +1,7 @@
-"""Missed bars of a validation in its simulated logs: one note of the log, as JSON.
+"""Missed bars (thresholds) of a validation, stored as a JSON note in its simulated logs.
 
-Only a log that is marked simulated is believed, and only a note that is sound from end to end: of a figure that is not
-known, a number that can't be, or a bar that was not missed, nothing is taken at all.
+The note is used only if the log is marked as simulated and the whole note is valid: an unknown figure, an impossible
+number or a bar that was not missed invalidates all of it.
 """
 
 import json
@@ -18,22 +18,22 @@ NOTE = "missed bars"
 """Key of the note."""
 CELL = re.compile(r"[A-Za-z0-9_ .,+-]{1,80}")
 MOST_LETTERS, MOST_BARS = 20_000, 16
-"""Of a note."""
+"""Most characters and bars of a note."""
 MOST_SECONDS = 3600.0
 MOST_SPEED = 100.0
-"""Of a velocity that was commanded or reached [m/s or rad/s]."""
+"""Largest plausible commanded or achieved velocity [m/s or rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFigure:
-    """A figure that a note may name."""
+    """A figure that a note may contain."""
 
     unit: str
     most: float
-    """Larger is no measurement."""
+    """Largest plausible value."""
     lower_is_better: bool = True
     axes: tuple[str, ...] = ()
-    """Where it is of a velocity: the axes that it may be off on."""
+    """Possible axes, for a figure of a velocity."""
 
 
 PLANE = ("forward", "lateral")
@@ -55,26 +55,26 @@ class MissedBar:
     """A figure of a simulated trial that missed its bar."""
 
     cell: str
-    """Of the validation."""
+    """Cell of the validation."""
     figure: str
     """One of `KNOWN`."""
     got: float
-    """Of this trial; of falls and survival that of the cell's trials together. In the figure's unit, as the bar."""
+    """Value of this trial (falls and survival: of all trials of the cell), in the figure's unit."""
     asked: float
-    """The bar: at most or, where higher is better, at least."""
+    """The threshold in the figure's unit: upper bound, or lower bound if higher is better."""
     from_s: float
-    """What it was measured over, since the log's first message [s]; of a fall, when it was detected."""
+    """Start of the measured time since the log's first message [s]; for a fall, the time of its detection."""
     until_s: float
     axis: str = ""
-    """`forward`, `lateral` or `yaw`: on which the velocity is off most."""
+    """`forward`, `lateral` or `yaw`: axis with the largest velocity error."""
     commanded: float = 0.0
-    """On that axis [m/s or rad/s]."""
+    """Commanded velocity on that axis [m/s or rad/s]."""
     achieved: float = 0.0
     joint: str = ""
-    """Of saturation: the joint that is at its limit most."""
+    """For saturation: the joint that is most at its limit."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError for what no validation writes."""
+        """Raises ValueError for values that no validation writes."""
         known = KNOWN.get(self.figure)
         if known is None:
             raise ValueError(f"no figure {self.figure!r}; there are {', '.join(KNOWN)}")
@@ -96,7 +96,7 @@ class MissedBar:
 
     @property
     def bar(self) -> str:
-        """As `at most 0.1 m/s`."""
+        """The threshold as text, e.g. `at most 0.1 m/s`."""
         known = KNOWN[self.figure]
         return f"at {'most' if known.lower_is_better else 'least'} {self.asked:g} {known.unit}"
 
@@ -105,11 +105,11 @@ class MissedBar:
 
 
 def note_of(missed: Sequence[MissedBar]) -> dict[str, str]:
-    """The note to put with a log's others; equal bars give equal text."""
+    """The note for a log's metadata; equal bars give equal text."""
     return {NOTE: json.dumps([asdict(each) for each in missed], sort_keys=True, allow_nan=False)}
 
 
-def heard(facts: LogFacts, joint_names: Collection[str]) -> tuple[tuple[MissedBar, ...], tuple[str, ...]]:
+def trusted_bars(facts: LogFacts, joint_names: Collection[str]) -> tuple[tuple[MissedBar, ...], tuple[str, ...]]:
     """The plausible missed bars that a log states, and a message about the others."""
     if NOTE not in facts.notes:
         return (), ()
@@ -122,11 +122,11 @@ def heard(facts: LogFacts, joint_names: Collection[str]) -> tuple[tuple[MissedBa
 
 
 _BARS = TypeAdapter(list[MissedBar], config=ConfigDict(strict=True, extra="forbid"))
-"""Numbers as numbers, texts as texts; nothing is converted to another type."""
+"""Strict parser of a note: no type conversions."""
 
 
 def of_text(text: str, joint_names: Collection[str]) -> tuple[MissedBar, ...]:
-    """The bars of a note. Raises ValueError."""
+    """Parse the bars of a note. Raises ValueError."""
     if len(text) > MOST_LETTERS:
         raise ValueError(f"{len(text)} letters, at most {MOST_LETTERS}")
     bars = tuple(_BARS.validate_json(text))

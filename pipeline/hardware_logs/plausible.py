@@ -1,7 +1,7 @@
-"""Are a log's values plausible? Checksums cannot show it, and unchunked files have none.
+"""Check the plausibility of a log's values, which checksums cannot show (and unchunked files have none).
 
-Sensors are checked too: values that never change, attitude in degrees, acceleration in g or reversed. Findings about
-sensors refuse no log; each is a sentence of the log's notes.
+Sensors are checked, too: constant values, attitude in degrees, acceleration in g or reversed. Findings about sensors do
+not reject a log; each is a sentence in the log's notes.
 """
 
 from dataclasses import dataclass, field
@@ -15,12 +15,12 @@ from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 
 LEAST_REST = 50
-"""Messages at rest below which nothing is concluded from gravity: joints that turn back are slow for a moment."""
+"""Least number of messages at rest for the check of gravity, since joints are also slow while they reverse."""
 
 
 @dataclass
 class Plausible:
-    """Looks at the messages of `/low_state` of one log, piece by piece."""
+    """Plausibility check of the `/low_state` messages of one log, block by block."""
 
     settings: PlausibleSettings
     robot: Robot
@@ -28,17 +28,17 @@ class Plausible:
     not_finite: int = 0
     out_of_range: int = 0
     restarts: int = 0
-    """Times that a motor's count of lost packets fell."""
+    """Number of decreases of a motor's lost packet counter."""
     rest: int = 0
-    """Messages at rest."""
+    """Number of messages at rest."""
     worst_joints: dict[str, int] = field(default_factory=dict)
-    """Messages out of range by joint."""
+    """Joint -> number of messages out of range."""
     _rest_force: float = 0.0
     _rest_tilt: float = 0.0
     _lost: np.ndarray | None = None
 
     def finite(self, columns: Columns) -> Bool[np.ndarray, " m"]:
-        """Note a piece; which of its messages have only finite numbers."""
+        """Process a block; return the mask of messages with only finite values."""
         finite = np.ones(len(columns["lost"]), dtype=bool)
         for name in LINEAR:
             finite &= np.isfinite(columns[name].sum(axis=1, dtype=np.float64))
@@ -47,7 +47,7 @@ class Plausible:
         return finite
 
     def in_range(self, columns: Columns) -> Bool[np.ndarray, " m"]:
-        """Note what is out of range in a piece of finite messages; those that are not."""
+        """Process a block of finite messages; return the mask of messages within range."""
         values, limits = columns["joint_pos"], self.settings
         margin = limits.position_margin_rad
         wrong = (values < self.robot.joint_lower - margin) | (values > self.robot.joint_upper + margin)
@@ -81,7 +81,7 @@ class Plausible:
             self._lost = lost[-1:]
 
     def refusal(self) -> str:
-        """Why the log is refused; empty if it is not."""
+        """Why the log is rejected; empty if it is not."""
         odd = self.not_finite + self.out_of_range
         if odd > self.settings.implausible_share * max(self.messages, 1):
             worst = max(self.worst_joints, key=lambda name: self.worst_joints[name], default="the trunk")
@@ -95,7 +95,7 @@ class Plausible:
         return ""
 
     def remarks(self) -> list[str]:
-        """What is odd and no reason to refuse the log."""
+        """Irregularities that do not reject the log."""
         notes = []
         if self.not_finite:
             notes.append(f"{self.not_finite} messages with numbers that are not finite are left out.")
@@ -117,25 +117,25 @@ IN_G = (0.5, 2.0)
 REVERSED = -0.5
 """Mean share of the specific force along the attitude's upward axis below which one of both is reversed."""
 WINDOW_S = 0.1
-"""Turns of the attitude are compared with those of the gyroscope over so long."""
+"""Window for the comparison of rotations from attitude and gyroscope [s]."""
 LEAST_TURN = 0.02
-"""Mean turn of the attitude in a window below which noise is compared [rad, or what the file has]."""
+"""Least mean rotation of the attitude in a window for that comparison, to exclude noise [rad, or the file's unit]."""
 DEGREES_FROM = 10.0
-"""Turn of the attitude over that of the gyroscope from which the attitude is in degrees; 57 where it is."""
+"""Ratio of the rotations from attitude and gyroscope above which the attitude is in degrees (then about 57)."""
 
 
 IMU = {"rpy": "the attitude", "gyro_b": "the gyroscope", "acc_b": "the accelerometer"}
-"""Columns of the IMU, each with noise of its own, so that none stands still alone. A joint's position and velocity
-count together: the encoders of a standing robot may give one value for seconds."""
+"""Columns of the IMU, whose noise prevents constant values. A joint's position and velocity are checked together,
+because the encoders of a standing robot may be constant for seconds."""
 
 
 @dataclass
 class SensorWatch:
-    """Looks at the finite messages of `/low_state` of one log, piece by piece."""
+    """Sensor check of the finite `/low_state` messages of one log, block by block."""
 
     robot: Robot
     frozen_s: float
-    """Shortest time for which a value has to stand still to be named [s]."""
+    """Shortest time of a constant value that is reported [s]."""
     messages: int = 0
     _length: float = 0.0
     _upward: float = 0.0
@@ -143,7 +143,7 @@ class SensorWatch:
     _turns: "_Turns" = field(default_factory=lambda: _Turns())
 
     def add(self, time_ns: Int64[np.ndarray, " m"], columns: Columns) -> None:
-        """Note messages in the order of their receipt."""
+        """Process messages in the order of receipt."""
         if not len(time_ns):
             return
         force = columns["acc_b"].astype(np.float64)
@@ -160,7 +160,7 @@ class SensorWatch:
         self._turns.add(time_ns, columns["rpy"].astype(np.float64), columns["gyro_b"].astype(np.float64))
 
     def remarks(self) -> list[str]:
-        """What was found, a sentence each."""
+        """Findings, one sentence each."""
         if self._runs is None:
             return []
         frozen_s = self._runs.longest_ns / 1e9
@@ -189,13 +189,13 @@ class SensorWatch:
 
 
 def upward(rpy: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
-    """The world's upward axis in the body frame, of roll, pitch and yaw [rad]."""
+    """The world's z axis in the body frame, from roll, pitch and yaw [rad]."""
     roll, pitch = rpy[:, 0].astype(np.float64), rpy[:, 1].astype(np.float64)
     return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
 
 
 class _Runs:
-    """The longest time for which each of some signals had one value, across pieces."""
+    """Longest time of a constant value of each signal, across blocks."""
 
     def __init__(self, signals: int):
         self.longest_ns = np.zeros(signals, dtype=np.int64)
@@ -203,11 +203,11 @@ class _Runs:
         self._last: tuple[int, np.ndarray] | None = None
 
     def add(self, time_ns: np.ndarray, signals: np.ndarray) -> None:
-        """Take messages (m,) of signals (m, s, 3)."""
+        """Process signals (m, s, 3) of messages at times (m,)."""
         if self._last is None or self._since is None:
             self._since = np.full(len(self.longest_ns), time_ns[0], dtype=np.int64)
             self._last = (int(time_ns[0]), signals[0])
-        times = np.concatenate([[self._last[0]], time_ns])  # of the message before each, and of the last
+        times = np.concatenate([[self._last[0]], time_ns])  # including the last message of the previous block
         changed = (np.diff(signals, axis=0, prepend=self._last[1][None]) != 0.0).any(axis=2)
         for signal in range(len(self.longest_ns)):
             at = np.flatnonzero(changed[:, signal])
@@ -219,7 +219,7 @@ class _Runs:
 
 
 class _Turns:
-    """How far roll and pitch turned, by the attitude and by the gyroscope, over windows of some length."""
+    """Rotation of roll and pitch over windows, from the attitude and from the gyroscope."""
 
     def __init__(self):
         self.attitude, self.gyro, self.windows = 0.0, 0.0, 0

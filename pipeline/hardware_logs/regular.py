@@ -1,8 +1,8 @@
-"""Messages as they come to samples on a regular grid, and on to a Parquet file for each trial, in flat memory.
+"""Resample messages to a regular time grid and write a Parquet file per trial, in bounded memory.
 
-The samples are sorted, without duplicates; gaps are marked and trials split.
+Messages are sorted and duplicates removed; gaps are marked and trials split.
 
-Grid times are multiples of the period since 1970, so that a log that lost its beginning has the same samples.
+Grid times are multiples of the period since 1970, so that a log without its beginning has the same samples.
 """
 
 import itertools
@@ -25,7 +25,7 @@ SILENT = "no messages"
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """n samples in a row: all columns but for the command."""
+    """n consecutive samples: all columns except the command."""
 
     grid_ns: Int[np.ndarray, " n"]
     columns: Columns
@@ -33,7 +33,7 @@ class Block:
 
 @dataclass
 class Stretched:
-    """A trial that is being made."""
+    """Data of a trial in progress."""
 
     start_ns: int
     gaps: list[Gap] = field(default_factory=list)
@@ -41,13 +41,13 @@ class Stretched:
     messages: int = 0
 
     def message_hz(self, rate_hz: float) -> float:
-        """Messages of `/low_state` a second, not counting what damage took."""
+        """Rate of `/low_state` messages [Hz], without damaged parts."""
         lost_s = sum(gap.stop_s - gap.start_s for gap in self.gaps if gap.reason == LOST)
         return self.messages / max(self.samples / rate_hz - lost_s, 1.0 / rate_hz)
 
 
 class Regular:
-    """Takes messages of a number of joints and gives blocks; a `Stretched` behind its blocks ends a trial."""
+    """Resampler: takes messages and returns blocks; a `Stretched` after its blocks ends a trial."""
 
     def __init__(self, settings: TimeSettings, joints: int):
         self.settings = settings
@@ -66,13 +66,13 @@ class Regular:
         self._newest_ns: int | None = None
 
     def add(self, time_ns: Int[np.ndarray, " m"], columns: Columns) -> None:
-        """Messages of `/low_state`, in the order of the file."""
+        """Add messages of `/low_state`, in file order."""
         if len(time_ns):
             self._waiting.append((time_ns, columns))
             self._note(time_ns)
 
     def hold(self, topic: str, time_ns: Int[np.ndarray, " m"], columns: Columns) -> None:
-        """Messages of another topic."""
+        """Add messages of another topic."""
         if len(time_ns):
             self._held[topic].add(time_ns, columns)
             self._note(time_ns)
@@ -82,20 +82,20 @@ class Regular:
         self._newest_ns = newest if self._newest_ns is None else max(newest, self._newest_ns)
 
     def lose(self) -> None:
-        """Messages may be missing here: what is held is not known any more."""
+        """Mark a possible loss of messages: held values become unknown."""
         if self._newest_ns is not None:
             self._losses.append(self._newest_ns)
             for topic in self._held.values():
-                topic.forget(self._newest_ns)  # what came with the same stamp may be lost as well
+                topic.forget(self._newest_ns)  # messages with the same timestamp may be lost as well
 
     def ready(self) -> list[Block | Stretched]:
-        """Blocks of what is old enough that nothing can come before it, and trials that ended."""
+        """Blocks that no later message can precede, and trials that ended."""
         if self._newest_ns is None:
             return []
         return self._until(self._newest_ns - round(self.settings.disorder_s * 1e9))
 
     def finish(self) -> list[Block | Stretched]:
-        """Blocks of all that is left, and the trial's end."""
+        """All remaining blocks, and the trial's end."""
         if self._newest_ns is None:
             return []
         found = self._until(self._newest_ns)
@@ -131,7 +131,7 @@ class Regular:
         return found
 
     def _in_order(self, times: np.ndarray, columns: Columns) -> tuple[np.ndarray, Columns]:
-        """Sorted, each stamp once, none before what was given out."""
+        """Sort, remove duplicate timestamps and those before the last returned sample."""
         order = np.argsort(times, kind="stable")
         times = times[order]
         fresh = np.diff(times, prepend=-1) > 0
@@ -144,7 +144,7 @@ class Regular:
         return times[fresh], taken(columns, order[fresh])
 
     def _blocks(self, times: np.ndarray, columns: Columns, messages: int) -> list[Block | Stretched]:
-        """The samples between the first and the last of the times, that were not given yet."""
+        """Samples between the first and the last of the times that were not returned yet."""
         period = self.settings.period_ns
         if self.trial is None:
             self._next_ns = -(-int(times[0]) // period) * period
@@ -170,7 +170,7 @@ class Regular:
             self.trial.gaps.append(Gap(start_s=start_s, stop_s=stop_s, reason=LOST if damaged else SILENT))
 
     def _apart(self, times: np.ndarray) -> np.ndarray:
-        """Neighbours that are not joined: too far apart, or with messages lost between them."""
+        """Mask of consecutive messages with a gap: too far apart, or with lost messages between them."""
         steps = np.diff(times)
         apart = steps > self._bridge
         for loss in self._losses:
@@ -180,7 +180,7 @@ class Regular:
         return apart
 
     def _resampled(self, grid: np.ndarray, times: np.ndarray, columns: Columns) -> Columns:
-        """Columns of `/low_state` at grid times, which lie within the times."""
+        """Columns of `/low_state` at grid times, which must be within the messages' times."""
         right = np.searchsorted(times, grid, side="left")
         exact = times[right] == grid
         left = np.where(exact, right, right - 1)
@@ -202,13 +202,13 @@ class Regular:
 
 
 def _on_circle(angles: np.ndarray) -> np.ndarray:
-    """Angles [rad] brought to -pi to pi; those that are there stay as they are."""
+    """Wrap angles [rad] to -pi ... pi; angles in this range are not changed."""
     turns = np.where(np.abs(angles) > np.pi, np.round(angles / (2.0 * np.pi)), 0.0)
     return (angles - turns * 2.0 * np.pi).astype(angles.dtype)
 
 
 def _blank(joints: int) -> Columns:
-    """One row of the held columns that says nothing."""
+    """One row of the held columns with unknown values."""
     blank: Columns = {name: np.full((1, joints), np.nan, dtype=np.float32) for name in HELD["/joint_ctrl"]}
     blank["fall_state"] = np.full(1, -1, dtype=np.int64)
     for name in ("odometer", "sticks"):
@@ -217,12 +217,12 @@ def _blank(joints: int) -> Columns:
 
 
 ROWS = 4096
-"""Samples that are written at a time."""
+"""Samples per write."""
 
 
 @dataclass
 class OpenTrial:
-    """A trial whose samples are written and whose head is not."""
+    """A trial with written samples but without metadata."""
 
     writer: TrialWriter
     samples: int = 0
@@ -232,7 +232,7 @@ class OpenTrial:
 
 
 class TrialFiles:
-    """Writes the trials of one log below a folder. Use it as a context: what has no head at its end is taken away."""
+    """Writer of one log's trials, a context manager: files without metadata at its end are removed."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -248,7 +248,7 @@ class TrialFiles:
         self._stack.close()
 
     def add(self, columns: Columns) -> None:
-        """Append samples to the trial that is open, or open one."""
+        """Append samples to the open trial, or open one."""
         self._waiting.append(columns)
         self._rows += len(columns["time_s"])
         if self._rows >= ROWS:
@@ -265,17 +265,17 @@ class TrialFiles:
         self._waiting, self._rows = [], 0
 
     def drop(self) -> None:
-        """Forget the samples of a trial that is too short."""
+        """Discard the samples of a trial that is too short."""
         self._waiting, self._rows = [], 0
 
     def close(self, made: Stretched, events: tuple[OperatorEvent, ...], command_source: str) -> None:
-        """The trial that is open has no more samples."""
+        """Close the open trial."""
         self._write()
         trial = self.trials[-1]
         trial.made, trial.events, trial.command_source = made, events, command_source
 
     def finish(self, heads: list[dict[str, Any]]) -> list[Path]:
-        """Give each trial its head; the files."""
+        """Write each trial's metadata; return the files."""
         for trial, head in zip(self.trials, heads, strict=True):
             trial.writer.finish(head)
         return [trial.writer.path for trial in self.trials]

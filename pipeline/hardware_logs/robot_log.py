@@ -1,4 +1,4 @@
-"""A log as it is written: arrays of each topic with the time of receipt, and the log's metadata."""
+"""A log for writing: arrays of each topic with receipt times, and the log's metadata."""
 
 from dataclasses import dataclass, field
 
@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 COMMAND_SOURCES = ("schedule", "remote", "unknown")
-"""Where the walking command is found: in the log's metadata or sidecar, in the remote's sticks, or nowhere."""
+"""Source of the velocity command: schedule in metadata or sidecar, the remote's sticks, or unknown."""
 
 EVENTS = ("held", "released", "stop", "pushed")
-"""What an operator notes; `button <name>` comes from the remote."""
+"""Events that an operator notes; `button <name>` comes from the remote."""
 
 METADATA = "booster_lab"
 """Name of the MCAP metadata record; the sidecar has the same keys."""
@@ -17,10 +17,10 @@ METADATA = "booster_lab"
 
 @dataclass(frozen=True, kw_only=True)
 class OperatorEvent:
-    """Something a person did."""
+    """An action of a person."""
 
     time_s: float
-    """Since the log's first message."""
+    """Time since the log's first message [s]."""
     kind: str
     """One of `EVENTS`, or `button <name>` for a button that was pressed on the remote."""
     source: str = "metadata"
@@ -29,20 +29,20 @@ class OperatorEvent:
 
 @dataclass(frozen=True, kw_only=True)
 class LogFacts:
-    """What no message of the robot says."""
+    """Metadata of a log that are not in the robot's messages."""
 
     robot: str
     policy_digest: str | None = None
-    """SHA-256 of the policy that ran; None where it was not recorded."""
+    """SHA-256 of the policy that ran; None if not recorded."""
     command_source: str = "unknown"
     simulated: bool = False
     command: tuple[tuple[float, float, float, float], ...] = ()
-    """Schedule: from time [s] on, forward and left velocity [m/s] and yaw rate [rad/s]."""
+    """Schedule rows: start time [s], forward and left velocity [m/s], yaw rate [rad/s]."""
     command_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """What a stick at its end commands [m/s, m/s, rad/s], for the source `remote`."""
+    """Velocity at full stick deflection [m/s, m/s, rad/s], for the source `remote`."""
     events: tuple[OperatorEvent, ...] = ()
     notes: dict[str, str] = field(default_factory=dict)
-    """Further facts, passed on as they are."""
+    """Further metadata, copied unchanged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class LowStates:
     """`/low_state`: n messages of j joints, serial arrays (the joints of the model)."""
 
     time_ns: Int[np.ndarray, " n"]
-    """Receipt, since 1970; does not fall."""
+    """Receipt times since 1970, non-decreasing [ns]."""
     rpy: Float[np.ndarray, "n 3"]
     """Trunk in the world, R = Rz(yaw) Ry(pitch) Rx(roll) [rad]."""
     gyro_b: Float[np.ndarray, "n 3"]
@@ -66,7 +66,7 @@ class LowStates:
     torque_est: Float[np.ndarray, "n j"]
     """[N m]"""
     temperature_c: Int[np.ndarray, "n j"]
-    """-128 to 127."""
+    """Motor temperatures, -128 to 127 [deg C]."""
     lost: Int[np.ndarray, "n j"]
     """Packets lost since the motors started."""
 
@@ -93,12 +93,12 @@ class FallStates:
     time_ns: Int[np.ndarray, " m"]
     state: Int[np.ndarray, " m"]
     recovery_available: Int[np.ndarray, " m"]
-    """0 or 1."""
+    """Whether the robot can get up: 0 or 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Odometry:
-    """`/odometer_state`: planar, biased by the robot's own estimate."""
+    """`/odometer_state`: planar pose, with the bias of the robot's estimator."""
 
     time_ns: Int[np.ndarray, " m"]
     pose: Float[np.ndarray, "m 3"]
@@ -107,7 +107,7 @@ class Odometry:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotLog:
-    """A whole log; topics that were not recorded are None."""
+    """A complete log; topics that were not recorded are None."""
 
     facts: LogFacts
     low_state: LowStates

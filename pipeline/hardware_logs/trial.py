@@ -1,6 +1,6 @@
-"""A trial: what a robot did in one go, on a regular time base, and its Parquet form.
+"""A trial: one continuous recording of a robot on a regular time grid, and its Parquet format.
 
-Sensors report float32, so arrays of sensors are float32; nothing is lost and ten minutes of a T1 stay small.
+Sensor arrays are float32, as in the messages, so nothing is lost and ten minutes of a T1 are small.
 """
 
 import json
@@ -22,12 +22,12 @@ from pipeline.hardware_logs.robot_log import OperatorEvent
 FORMAT = "booster-lab trial 1"
 
 ROUNDING_S = 1e-7
-"""Less than the time between two samples by far."""
+"""Tolerance of times, far below the sampling period [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """A span without samples: floats are NaN there, what is discrete keeps its last value."""
+    """A time range without samples: floats are NaN there, discrete values keep their last value."""
 
     start_s: float
     stop_s: float
@@ -39,29 +39,29 @@ class Trial:
     """n samples of j joints. Before the first message of a topic its floats are NaN and its discrete values -1."""
 
     name: str
-    """Path of the log below the folder of logs without suffix; `+2` and so on where a log holds several trials."""
+    """Path of the log below the folder of logs without suffix; `+2` and so on if a log has several trials."""
     robot: str
     joint_names: tuple[str, ...]
-    """The robot's order, that of every array with j columns."""
+    """Joints in the robot's order, which all arrays with j columns have."""
     policy_digest: str | None
-    """None: the trial cannot be laid to a policy."""
+    """SHA-256 of the policy; None if unknown."""
     command_source: str
     """One of `robot_log.COMMAND_SOURCES`."""
     simulated: bool
     integrity: str
-    """`complete`: all of the log was read and its checksums hold; `recovered`: parts were lost and the rest holds;
-    `unverified`: it has no checksums."""
+    """`complete`: all of the log was read and its checksums are correct; `recovered`: parts were lost and the rest is
+    correct; `unverified`: it has no checksums."""
     rate_hz: float
     start_ns: int
-    """Receipt of the first sample, since 1970; a multiple of the period."""
+    """Receipt time of the first sample since 1970, a multiple of the period [ns]."""
     log_digest: str
     """SHA-256 of the log file."""
     notes: tuple[str, ...]
-    """Findings, one line each: losses, oddities that are no reason to refuse it."""
+    """Findings, one line each: losses, and irregularities that do not reject the log."""
     events: tuple[OperatorEvent, ...]
     gaps: tuple[Gap, ...]
     missed: tuple[MissedBar, ...] = ()
-    """Of a simulated trial of a validation: what it missed there."""
+    """Missed bars of a validation's simulated trial."""
 
     time_s: Float[np.ndarray, " n"]
     """Regular, from 0; float64."""
@@ -81,7 +81,7 @@ class Trial:
     acc_b: Float[np.ndarray, "n 3"]
     """Specific force [m/s^2]."""
     target_pos: Float[np.ndarray, "n j"]
-    """Of `/joint_ctrl`, the last one held [rad]."""
+    """Joint targets of `/joint_ctrl`, held [rad]."""
     target_torque: Float[np.ndarray, "n j"]
     """Feed-forward [N m], held."""
     kp: Float[np.ndarray, "n j"]
@@ -108,7 +108,7 @@ class Trial:
 
     @property
     def measured(self) -> np.ndarray:
-        """(n,) bool: samples outside the gaps."""
+        """Mask of samples outside gaps (n,)."""
         inside = np.zeros(len(self.time_s), dtype=bool)
         for gap in self.gaps:
             inside |= (self.time_s > gap.start_s + ROUNDING_S) & (self.time_s < gap.stop_s - ROUNDING_S)
@@ -119,13 +119,13 @@ ARRAYS = (
     *("time_s", "joint_pos", "joint_vel", "torque_est", "temperature_c", "lost", "rpy", "gyro_b", "acc_b"),
     *("target_pos", "target_torque", "kp", "kd", "fall_state", "odometer", "command"),
 )
-"""Fields of a trial that are columns; the others are in the head."""
+"""Fields of a trial stored as columns; the others are in the file's metadata."""
 WHOLE = ("lost", "fall_state")
-"""Columns of whole numbers."""
+"""Integer columns."""
 
 
 class TrialWriter:
-    """Writes a trial's Parquet file piece by piece, as a context: without `finish` nothing is left of it."""
+    """Incremental writer of a trial's Parquet file, a context manager: without `finish` the file is removed."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -143,7 +143,7 @@ class TrialWriter:
         self._aside.unlink(missing_ok=True)
 
     def add(self, arrays: dict[str, np.ndarray]) -> None:
-        """Append samples: every array of `ARRAYS`."""
+        """Append samples, with all arrays of `ARRAYS`."""
         table = pa.table({name: _to_column(name, arrays[name]) for name in ARRAYS})
         if self._writer is None:
             self._writer = pq.ParquetWriter(
@@ -152,7 +152,7 @@ class TrialWriter:
         self._writer.write_table(table)
 
     def finish(self, head: dict[str, Any]) -> None:
-        """Write the head and give the file its name."""
+        """Write the metadata and move the file to its final name."""
         assert self._writer is not None, "a trial has samples"
         text = json.dumps({"format": FORMAT, **head}, sort_keys=True, allow_nan=False)
         self._writer.add_key_value_metadata({"booster_lab": text})
@@ -165,9 +165,9 @@ class TrialWriter:
 
 
 def read_trial(path: Path) -> Trial:
-    """The trial of a file. Raises FileError."""
+    """Read a trial. Raises FileError."""
     try:
-        with pq.ParquetFile(path) as file:  # read_table would load pyarrow.dataset; a thread has memory of its own
+        with pq.ParquetFile(path) as file:  # read_table would import pyarrow.dataset; threads need more memory
             table, head = file.read(use_threads=False), json.loads(file.metadata.metadata[b"booster_lab"])
         arrays: dict[str, Any] = {name: _from_column(table.column(name)) for name in ARRAYS}
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
@@ -189,12 +189,12 @@ def _to_column(name: str, values: np.ndarray) -> pa.Array:
 
 
 def _plain(values: np.ndarray) -> pa.Array:
-    """The numbers without a copy; `pa.array` would load pandas (30 MB) to ask whether they are a Series."""
+    """Convert without a copy; `pa.array` would import pandas (30 MB) for a type check."""
     return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
 
 
 def _from_column(column: pa.ChunkedArray) -> np.ndarray:
-    """The numbers of a column by DLPack; `to_numpy` would load pandas. Raises pa.ArrowInvalid for nulls."""
+    """Convert a column by DLPack; `to_numpy` would import pandas. Raises pa.ArrowInvalid for nulls."""
     wide = pa.types.is_fixed_size_list(column.type)
     chunks = [np.from_dlpack(_inner(chunk) if wide else chunk) for chunk in column.chunks if len(chunk)]
     flat = np.concatenate(chunks) if chunks else np.zeros(0)
@@ -202,7 +202,7 @@ def _from_column(column: pa.ChunkedArray) -> np.ndarray:
 
 
 def _inner(lists: pa.FixedSizeListArray) -> pa.Array:
-    """The numbers of all lists one after the other; `flatten` would load pyarrow.compute (13 MB)."""
+    """Concatenated values of all lists; `flatten` would import pyarrow.compute (13 MB)."""
     if lists.null_count:
         raise pa.ArrowInvalid("has lists that are null")
     size = lists.type.list_size

@@ -1,4 +1,4 @@
-"""Write a robot's log as MCAP, as `ros2 bag record -s mcap` on the robot does: same messages, same bytes."""
+"""Write a robot's log as MCAP in the format of `ros2 bag record -s mcap`; equal messages give equal bytes."""
 
 import io
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ QOS = {"offered_qos_profiles": ""}
 
 @dataclass(frozen=True, kw_only=True)
 class Storage:
-    """How the recorder stores; by default as rosbag2's preset `zstd_small`."""
+    """Storage options of the recorder; by default those of rosbag2's preset `zstd_small`."""
 
     compression: str = "zstd"
     """`zstd`, `lz4` or nothing."""
@@ -32,7 +32,7 @@ ZSTD_SMALL = Storage()
 
 
 def open_writer(stream: io.BytesIO, storage: Storage) -> Writer:
-    """A writer of a file as `ros2 bag record` begins it."""
+    """Start an MCAP file as `ros2 bag record` does."""
     writer = Writer(
         stream,
         chunk_size=storage.chunk_bytes,
@@ -45,25 +45,25 @@ def open_writer(stream: io.BytesIO, storage: Storage) -> Writer:
 
 
 def open_channel(writer: Writer, topic: str) -> int:
-    """Number of a new channel for one of `TOPICS`, with its schema."""
+    """Register a channel with schema for one of `TOPICS`; return its id."""
     message = TOPICS[topic]
     schema = writer.register_schema(schema_name(message), "ros2msg", schema_text(message).encode())
     return writer.register_channel(topic, "cdr", schema, QOS)
 
 
 COMM_HZ = 500
-"""Rate of the motors' communication, `reserve[1]`."""
+"""Rate of the motors' communication [Hz], `reserve[1]`."""
 SERIAL = 1
-"""`cmd_type` of commands to the joints of the model."""
+"""`cmd_type` of joint commands."""
 
 
 def write_mcap(path: Path, log: RobotLog, storage: Storage = ZSTD_SMALL) -> None:
-    """Write a log, whole or not at all. Same log, same bytes."""
+    """Write a log atomically. Equal logs give equal bytes."""
     atomic.write_bytes(path, mcap_bytes(log, storage))
 
 
 def mcap_bytes(log: RobotLog, storage: Storage = ZSTD_SMALL) -> bytes:
-    """The bytes of a log's MCAP file: its facts as metadata, then all messages in the order of their receipt."""
+    """The bytes of a log's MCAP file: metadata record, then all messages in the order of receipt."""
     stream = io.BytesIO()
     writer, topics = open_writer(stream, storage), payloads(log)
     start_ns = min(int(time_ns[0]) for time_ns, _ in topics.values() if len(time_ns))
@@ -82,7 +82,7 @@ def mcap_bytes(log: RobotLog, storage: Storage = ZSTD_SMALL) -> bytes:
 
 
 def payloads(log: RobotLog) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Times of receipt and payloads of each topic that the log has."""
+    """Topic -> receipt times and payloads."""
     found = {"/low_state": (log.low_state.time_ns, low_states(log.low_state))}
     if log.joint_ctrl is not None:
         found["/joint_ctrl"] = (log.joint_ctrl.time_ns, _low_cmds(log.joint_ctrl))
@@ -105,7 +105,7 @@ def low_states(states: LowStates) -> np.ndarray:
     values = _empty("LowState", len(states.time_ns), count, count)
     imu = values["imu_state"]
     imu["rpy"], imu["gyro"], imu["acc"] = states.rpy, states.gyro_b, states.acc_b
-    for name in ("serial", "parallel"):  # the joints' again for the motors
+    for name in ("serial", "parallel"):  # the motors get the joints' values as well
         values[f"motor_state_{name}_count"] = count
         motors = values[f"motor_state_{name}"]
         motors["mode"] = 1

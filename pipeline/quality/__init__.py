@@ -1,1 +1,1 @@
-"""Metrics that several stages need, each with its definition and source."""
+"""Motion metrics used by several stages, each with definition and source."""

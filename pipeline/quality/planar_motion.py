@@ -1,12 +1,12 @@
-"""Planar motion of a body: forward and lateral velocity, yaw rate, per frame and as the command that it performs.
+"""Planar motion of a body: forward and lateral velocity and yaw rate, per frame and as mean (equivalent command).
 
     clip -> short gaps bridged -> continuous stretches -> facing, heading-frame velocity, yaw rate
 
-A stretch ends where the root makes a step that no person and no robot makes; signals are smoothed within a
-stretch and never across its end.
+A stretch ends where the root makes an implausibly large step (teleport); signals are smoothed only within stretches.
 
-A spline through the frames beside a gap is as good as anything up to 0.1 s (Sensors 21:6115, 2021) and keeps
-accelerations; in longer gaps it may overshoot, so a straight line is used, which gives the mean velocity.
+Gaps up to 0.1 s are interpolated by a spline, which preserves accelerations and is as accurate as other methods
+(Sensors 21:6115, 2021). In longer gaps it may overshoot, so linear interpolation is used, which gives the mean
+velocity.
 """
 
 import dataclasses
@@ -162,13 +162,13 @@ def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[
 
 
 def _teleports(root_w: np.ndarray, fps: float) -> np.ndarray:
-    """Steps from frame to frame that no person and no robot makes."""
+    """Mask of implausibly large steps of the root from frame to frame."""
     step = np.linalg.norm(np.diff(root_w, axis=0), axis=1)
     return (step > TELEPORT_STEP) & (step * fps > TELEPORT_M_S)
 
 
 def teleport_share(clip: HumanClip | RobotClip) -> float:
-    """Share of the steps between recorded frames that no person and no robot makes; 0 where there is none."""
+    """Share of implausibly large root steps between recorded frames; 0 without steps."""
     root_w = _root_and_facing(clip)[0]
     known = np.isfinite(root_w[1:] + root_w[:-1]).all(axis=1)
     return float(_teleports(root_w, clip.fps)[known].mean()) if known.any() else 0.0
@@ -198,9 +198,9 @@ class CommandVelocity:
 
     forward_m_s: float
     lateral_m_s: float
-    """To the left."""
+    """Lateral velocity, positive to the left."""
     yaw_rate_rad_s: float
-    """To the left (counter-clockwise from above)."""
+    """Yaw rate, positive to the left (counter-clockwise from above)."""
 
 
 def command_velocity(
@@ -208,7 +208,7 @@ def command_velocity(
 ) -> CommandVelocity:
     """Mean velocity of the root in its own heading frame at each time, and mean yaw rate.
 
-    The heading is the twist of the root about the vertical, so that tilting doesn't turn it.
+    The heading is the twist of the root about the vertical, so it does not depend on tilt.
     """
     return command_velocities(root_pos_w, root_quat_w, fps)[0]
 
@@ -219,8 +219,8 @@ def command_velocities(
     """Means as in `command_velocity`; forward and lateral velocity [m/s] and yaw rate [rad/s] at each frame, as a mean
     over `STRIDE_S` about it.
 
-    The velocity is turned into the heading frame first, so that walking on a curve loses nothing. At the ends of the
-    motion the window shrinks to the half that is there.
+    The velocity is transformed to the heading frame before averaging, so that walking on a curve does not reduce it. At
+    the ends of the motion the window shrinks.
     """
     yaw, velocity = _in_heading_frame(root_pos_w, root_quat_w, fps)
     command = np.concatenate([velocity[:, :2], time_series.derivative(yaw, fps)[:, None]], axis=1)

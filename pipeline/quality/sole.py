@@ -1,7 +1,8 @@
 """Positions and velocities of the sole corners of a robot motion.
 
-Sources know three: the speed of the ankle, of the sole's centre, of a corner. Here it is the horizontal speed
-of the sole's lowest corner while the foot is in contact, which is 0 for a foot that rolls over heel and toe.
+The literature defines foot slip by the speed of the ankle, of the sole's centre or of a corner. Here it is the
+horizontal speed of the sole's lowest corner while the foot is in contact, which is 0 for a foot that rolls over heel
+and toe.
 """
 
 from dataclasses import dataclass
@@ -79,9 +80,9 @@ class ContactSettings:
     height: Annotated[float, Range(0.0, 0.2, open_low=True), Unit("m")]
     """Largest height of the lowest corner [m]."""
     on_speed: Annotated[float, _SPEED, Unit("m/s")]
-    """Contact begins below this speed of the sole [m/s] ..."""
+    """Speed of the sole below which a contact begins [m/s]."""
     off_speed: Annotated[float, _SPEED, Unit("m/s")]
-    """... and ends above this [m/s]."""
+    """Speed of the sole above which a contact ends [m/s]."""
     shortest_s: Annotated[float, Range(0.0, 1.0), Unit("s")]
     """Contacts and gaps shorter than this are ignored [s]."""
 
@@ -92,7 +93,7 @@ class ContactSettings:
 def contact_from_sole(sole: SoleMotion, settings: ContactSettings) -> Bool[np.ndarray, "t 2"]:
     """Contact of the left and right foot: low and slow, with hysteresis.
 
-    Gaps shorter than `settings.shortest_s` are closed first, then short contacts dropped.
+    Gaps shorter than `settings.shortest_s` are closed first, then short contacts are removed.
     """
     low, speed = sole.height < settings.height, sole.mean_speed
     begins, lasts = low & (speed < settings.on_speed), low & (speed < settings.off_speed)

@@ -1,4 +1,4 @@
-"""Readers: motion files of every known format in, clips on the canonical skeleton out."""
+"""Readers: convert motion files of all known formats to clips on the canonical skeleton."""
 
 from pipeline.readers.listing import (
     content_digest,

@@ -1,8 +1,7 @@
 """ASF/AMC of Acclaim: a skeleton file and a motion file. CMU convention: lengths in 1/`length` inch.
 
-A bone has a direction and a length in the axes of the world at rest, and an `axis` frame that its degrees
-of freedom turn about: R = C R(dof) C^-1. Euler angles XYZ mean Rz Ry Rx. A bone's joint is at its
-parent's end.
+A bone has a direction and a length in the world axes of the rest pose, and an `axis` frame for its degrees of
+freedom: R = C R(dof) C^-1. Euler angles XYZ mean Rz Ry Rx. A bone's joint is at its parent's end.
 """
 
 import re
@@ -36,7 +35,7 @@ class Bone:
 
 
 def read_asf(path: Path) -> dict[str, Bone]:
-    """Bones by name, the root among them."""
+    """Read the bones by name, including the root."""
     bones = {"root": Bone(name="root")}
     section, current = "", None
     for line, text in enumerate(open_text(path).lines(), start=1):
@@ -135,11 +134,11 @@ CMU_RATE_HZ = 120.0
 """Rate of the CMU recordings (mocap.cs.cmu.edu); an AMC names none."""
 
 CMU_BONES = ("lhipjoint", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "lclavicle")
-"""Bones that the skeletons of the CMU recordings have."""
+"""Bones that identify the skeletons of the CMU recordings."""
 
 
 def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
-    """A motion and its skeleton. Raises FileError with the line."""
+    """Read a motion and its skeleton. Raises FileError with the line."""
     asf = find_asf(path, stated_asf)
     bones = read_asf(asf)
     order = ordered(asf, bones)
@@ -150,7 +149,7 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
             first += len(bone.dof)
     rows = _read_frames(path, columns)
     parents = parent_indices({name: bones[name].parent for name in order})
-    ends = {name: bone.direction * bone.length for name, bone in bones.items()}  # where the children's joints are
+    ends = {name: bone.direction * bone.length for name, bone in bones.items()}  # positions of the children's joints
     offsets = np.array([ends.get(bones[name].parent or "", np.zeros(3)) for name in order])
     place = [columns["root"].start + bones["root"].dof.index(f"t{axis}") for axis in "xyz"]
 
@@ -179,7 +178,7 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
 
 
 def find_asf(path: Path, stated: str | None) -> Path:
-    """The ASF of an AMC: stated, of the same name, of the same subject number, or the only one beside it."""
+    """The ASF of an AMC: stated, with the same name, with the same subject number, or the only one in the folder."""
     if stated is not None:
         if not (path.parent / stated).is_file():
             raise FileError(path, f"the stated ASF '{stated}' does not exist.")
@@ -197,7 +196,7 @@ def find_asf(path: Path, stated: str | None) -> Path:
 
 
 def _subject_note(path: Path, asf: Path) -> tuple[Reason, ...]:
-    """A rejection when the numbers in the names say that the skeleton is another person's."""
+    """A rejection if the subject numbers in the file names differ."""
     motion, skeleton = (re.match(r"\d+", file.stem) for file in (path, asf))
     if motion is None or skeleton is None or int(motion.group()) == int(skeleton.group()):
         return ()
@@ -224,7 +223,7 @@ def _local_quat(bone: Bone, values: np.ndarray) -> np.ndarray:
 
 
 def _read_frames(path: Path, columns: dict[str, slice]) -> Float[np.ndarray, "t c"]:
-    """A row of values each frame, in degrees and the file's unit. Raises FileError with the line."""
+    """One row of values per frame, in degrees and the file's unit. Raises FileError with the line."""
     text = open_text(path)
     width = max(each.stop for each in columns.values())
     most = min(text.line_count, path.stat().st_size // (2 * width) + 1, MAX_FRAMES + 1)
@@ -251,7 +250,7 @@ def _read_frames(path: Path, columns: dict[str, slice]) -> Float[np.ndarray, "t 
 
 
 def _check_whole(path: Path, count: int, seen: set[str], columns: dict[str, slice], line: int | None) -> None:
-    """Raises FileError where the last frame lacks bones."""
+    """Check the last frame. Raises FileError if it lacks bones."""
     missing = sorted(set(columns) - seen)
     if count and missing:
         problem = f"frame {count} lacks: {', '.join(missing)}."

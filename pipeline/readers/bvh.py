@@ -1,6 +1,6 @@
 """BVH of any skeleton: hierarchy, channels in any order, rows of numbers.
 
-A line-by-line parser without recursion; everything is capped before memory is taken, and the text is never held
+A line-by-line parser without recursion; sizes are limited before memory is allocated, and the text is never in memory
 as a whole. A position channel replaces that component of the joint's OFFSET (files with six channels in every joint
 repeat the offset there); rotations are intrinsic, in the order of the channels.
 """
@@ -33,7 +33,7 @@ class _Joint:
     offset: tuple[float, float, float] | None = None
     channels: tuple[str, ...] = ()
     tip: tuple[float, float, float] | None = None
-    """Place of its End Site."""
+    """Offset of its End Site."""
 
 
 @dataclass
@@ -45,13 +45,13 @@ class _Header:
     open: list[int] = field(default_factory=list)
     """Index of the joint of each open block; -1 for an End Site."""
     pending: int | None = None
-    """The joint whose `{` comes next."""
+    """Index of the joint whose `{` is expected next."""
 
     def fail(self, problem: str, line: int) -> FileError:
         return FileError(self.path, problem, line=line)
 
     def take(self, words: list[str], line: int) -> None:
-        """One line of the hierarchy."""
+        """Parse one line of the hierarchy."""
         key = words[0].upper()
         if self.pending is not None and key != "{":
             raise self.fail(f"'{words[0][:40]}' where a '{{' was expected.", line)
@@ -152,7 +152,7 @@ def read_bvh(path: Path) -> RawMotion:
 
 
 def _read_hierarchy(path: Path, lines: Iterator[tuple[int, str]]) -> list[_Joint]:
-    """Joints; the line MOTION is the last that is taken."""
+    """Parse the joints, up to and including the line MOTION."""
     header = _Header(path=path)
     started, number = False, 0
     for number, line in lines:
@@ -192,7 +192,7 @@ class _Frames(NamedTuple):
 
 
 class _Rate(NamedTuple):
-    """Frames per second as declared [Hz], or what is wrong with it."""
+    """Frames per second as declared [Hz], or the error in it."""
 
     fps: float | None = None
     fault: FileError | None = None
@@ -241,7 +241,7 @@ def _read_motion_header(
 
 
 def _frame_count(path: Path, declared: _Frames, rows: int) -> tuple[Reason, ...]:
-    """A note where more rows than declared were read. Raises FileError for fewer, and for none."""
+    """A note if more rows than declared were read. Raises FileError for fewer or none."""
     if rows < declared.count:
         problem = f"the header declares {declared.count} frames, the file holds {rows}."
         raise FileError(path, problem, "It was cut off or edited; export it again.", declared.line)

@@ -1,7 +1,7 @@
-"""C3D: points of a motion capture system, from which a person's joints are worked out (`plug_in_gait`).
+"""C3D: points of a motion capture system, from which a person's joints are computed (`plug_in_gait`).
 
-The bytes are read by the library `c3d`, frame by frame. (ezc3d takes eleven times the file's size, and crashed on some
-damaged files that it was tried with.) Analog channels are passed over, as are angles, forces and points without a name.
+The bytes are read by the library `c3d`, frame by frame. (ezc3d needs eleven times the file's size, and
+crashed on some damaged test files.) Analog channels, angles, forces and unnamed points are ignored.
 """
 
 import warnings
@@ -24,18 +24,18 @@ from pipeline.readers.raw_motion import Poses, RawMotion, World, in_parents, ref
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
 
 FARTHEST = 1e7
-"""A coordinate beyond this, in the file's unit, is none: 10 km in millimetres."""
+"""Largest valid coordinate in the file's unit: 10 km in millimetres."""
 FRAMES_AT_ONCE = 512
-"""Frames whose bodies are worked out together."""
+"""Frames whose bodies are computed together."""
 MEASURED_FRAMES = 4096
-"""Frames from which the lengths of bones are taken."""
+"""Number of frames used for the bone lengths."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointPoses(Poses):
-    """World poses of the canonical bodies from points, worked out for the frames that are requested.
+    """World poses of the canonical bodies from points, computed for the requested frames.
 
-    A row has the positions of the named points one after another, in the file's unit; NaN where a point is missing.
+    A row has the concatenated positions of the named points in the file's unit; NaN where a point is missing.
     """
 
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ class PointPoses(Poses):
 
 
 def read_c3d(path: Path) -> RawMotion:
-    """The person in a C3D file. Raises FileError, or OSError of the disk."""
+    """Read the person in a C3D file. Raises FileError, or OSError on disk errors."""
     check_size(path)
     with path.open("rb") as stream, warnings.catch_warnings(action="ignore"), reported_damage(path, "a C3D file"):
         reader = c3d.Reader(stream)
@@ -121,7 +121,8 @@ def _are(missing: tuple[str, ...]) -> str:
 
 
 def _rate(path: Path, reader: c3d.Reader) -> float:
-    """Frames per second [Hz]. Raises FileError for none: how many analog samples a frame has is not known then."""
+    """Frames per second [Hz]. Raises FileError if there is none, since the number of analog samples per frame depends
+    on it."""
     rate = float(reader.point_rate)
     if not 0.0 < rate < np.inf:
         raise FileError(path, f"POINT:RATE is {rate:g} Hz.", "Export it again with its rate.")
@@ -129,7 +130,7 @@ def _rate(path: Path, reader: c3d.Reader) -> float:
 
 
 def _frame_count(path: Path, reader: c3d.Reader) -> int:
-    """Frames of the file, checked against its size before memory is taken. Raises FileError."""
+    """Frames of the file, checked against its size before memory is allocated. Raises FileError."""
     frames, points = int(reader.last_frame) - int(reader.first_frame) + 1, int(reader.point_used)
     word = 4 if reader.point_scale < 0 else 2
     refuse_pose(path, max(frames, 0))
@@ -142,7 +143,7 @@ def _frame_count(path: Path, reader: c3d.Reader) -> int:
 
 
 def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], values: Float[np.ndarray, "t c"]) -> None:
-    """Read all frames. A point that the system did not see has a negative residual, or is at zero or far away."""
+    """Read all frames. An unobserved point has a negative residual, or is at zero or far away."""
     count = 0
     for count, (_, points, _) in enumerate(reader.read_frames(copy=False, analog_transform=False), start=1):
         place = points[list(columns)]
@@ -155,7 +156,7 @@ def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], value
 
 
 def _rest_offsets(path: Path, poses: PointPoses) -> Float[np.ndarray, "19 3"]:
-    """Place of each body in its parent's frame, the median over frames. Raises FileError where no frame has it."""
+    """Offset of each body in its parent's frame, median over frames. Raises FileError if a body is in no frame."""
     pos, quat = poses.world(range(len(BODIES)), 0, min(poses.frame_count, MEASURED_FRAMES))
     places = in_parents(pos, quat, PARENT)
     unknown = np.asarray(~np.isfinite(places).all(axis=2).any(axis=0))
@@ -167,7 +168,7 @@ def _rest_offsets(path: Path, poses: PointPoses) -> Float[np.ndarray, "19 3"]:
 
 
 def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None, tuple[Reason, ...]]:
-    """The declared unit; None, with a note, where it gives no human legs: the unit is inferred from them then."""
+    """The declared unit; None, with a note, if the legs are then not human: the unit is then inferred."""
     leg = sum(float(np.linalg.norm(offsets[BODIES.index(name)])) for name in ("left_knee", "left_ankle"))
     unit = declared.strip().lower()
     if unit not in METRES:

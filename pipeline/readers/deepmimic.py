@@ -37,7 +37,7 @@ SKELETON: dict[str, tuple[str | None, tuple[float, float, float]]] = {
     "left_elbow": ("left_shoulder", (0.0, -0.274788, 0.0)),
     "left_wrist": ("left_elbow", (0.0, -0.258947, 0.0)),
 }
-"""Joint -> parent and place in the parent's frame [m]."""
+"""Joint -> parent and offset in the parent's frame [m]."""
 
 HINGES = ("right_knee", "right_elbow", "left_knee", "left_elbow")
 FIXED = ("right_wrist", "left_wrist")
@@ -45,7 +45,7 @@ COLUMNS = 44
 
 
 def read_deepmimic(path: Path) -> RawMotion:
-    """A DeepMimic motion. Raises FileError."""
+    """Read a DeepMimic motion. Raises FileError."""
     rows = _rows(path)
     fps, rate_fault = _rate(path, rows[:, 0])
     parents = parent_indices({joint: parent for joint, (parent, _) in SKELETON.items()})
@@ -74,7 +74,7 @@ def read_deepmimic(path: Path) -> RawMotion:
 
 
 def _columns() -> dict[str, int]:
-    """First column of each joint that turns."""
+    """First column of each moving joint."""
     columns, column = {}, 4
     for name in SKELETON:
         if name not in FIXED:
@@ -84,7 +84,7 @@ def _columns() -> dict[str, int]:
 
 
 def _local(rows: Float[np.ndarray, "t 44"]) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 15 4"]]:
-    """Places of the root [m] and orientations of the joints in their parents' frames."""
+    """Positions of the root [m] and orientations of the joints in their parents' frames."""
     quat = np.broadcast_to(rotation.IDENTITY, (len(rows), len(SKELETON), 4)).copy()
     for joint, first in _columns().items():
         index = list(SKELETON).index(joint)
@@ -120,7 +120,7 @@ def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
 
 
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object whose keys are all different. Raises ValueError."""
+    """A JSON object without duplicate keys. Raises ValueError."""
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a key is there twice")
@@ -128,7 +128,7 @@ def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _rate(path: Path, durations_s: Float[np.ndarray, " t"]) -> tuple[float | None, FileError | None]:
-    """Frames per second [Hz], or why the durations give none. The last frame's duration is not used."""
+    """Frames per second [Hz], or the error in the durations. The last frame's duration is not used."""
     used = durations_s[:-1] if len(durations_s) > 1 else durations_s
     typical = float(np.median(used))
     if not 1e-4 <= typical <= 1.0:

@@ -1,7 +1,7 @@
 """Skeletal animations of glTF 2.0: joints as nodes, keys as samplers, the rest pose from the skin.
 
-The exporting program chooses the joints' frames in a glTF. Here they are turned so that all are parallel in the bind
-pose, as in a BVH; names, tree and rest pose give the rest. Keys are sampled at their own rate.
+The exporting program chooses the joints' frames in a glTF. Here they are rotated so that all are parallel in the bind
+pose, as in a BVH, for the detection of the skeleton. Keys are sampled at their own rate.
 """
 
 import itertools
@@ -25,14 +25,14 @@ from pipeline.readers.text_file import MAX_FRAMES
 from pipeline.readers.velocity_rate import STANDARD_HZ
 
 SPARSE_HZ = 20.0
-"""Keys further apart than this are poses to move between; they are sampled at `SAMPLED_HZ`."""
+"""Rate below which keys are poses to interpolate between; these are sampled at `SAMPLED_HZ`."""
 SAMPLED_HZ = 30.0
 UNEVEN = 0.01
-"""Share of the distance of keys by which they may be uneven."""
+"""Largest deviation of the distance between keys, as a share of it."""
 ROUND = 0.005
-"""A rate within this share of a standard one is that one: keys are stored in single precision."""
+"""Relative deviation up to which a rate is rounded to a standard one, since keys are stored in single precision."""
 MAX_SHEAR = 0.05
-"""Largest cosine between two axes of a matrix that is taken for a rotation."""
+"""Largest cosine between two axes of a matrix that counts as a rotation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,14 +42,15 @@ class Track:
     times: Float[np.ndarray, " k"]
     """[s]"""
     values: np.ndarray
-    """A row (k, d) each key, as the file stores them."""
+    """Values of the keys (k, d), as stored in the file."""
     step: bool
-    """A value is kept until the next key."""
+    """Whether a value is held until the next key (interpolation STEP)."""
     turns: bool
-    """Values are quaternions xyzw."""
+    """Whether the values are quaternions xyzw."""
 
     def at(self, times: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t d"]:
-        """Values at some times: between keys linearly, rotations by slerp, before the first and after the last kept."""
+        """Interpolate at `times` [s]: linearly, rotations by slerp, constant before the first and after the last
+        key."""
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, max(len(self.times) - 1, 1))
         if len(self.times) == 1:
             return np.repeat(finite_rows(self.values, 0, 1), len(times), axis=0)
@@ -63,13 +64,13 @@ class Track:
         return rotation.slerp(np.roll(low, 1, axis=1), np.roll(high, 1, axis=1), share)[:, [1, 2, 3, 0]]
 
     def forget(self, time: float) -> None:
-        """Free the memory of the keys that no time from this one on needs."""
+        """Free the memory of keys that are not needed from this time onward."""
         page_memory.forget(self.values, int(np.searchsorted(self.times, time, side="right")) - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Node:
-    """A node that is a joint, or above one."""
+    """A node that is a joint or an ancestor of one."""
 
     name: str
     parent: int
@@ -81,13 +82,13 @@ class Node:
     tracks: dict[str, Track]
 
     def sampled(self, name: str, rest: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """Values of a property at some times [s], its value at rest where no key moves it."""
+        """Values of a property at `times` [s]; its rest value if it is not animated."""
         return self.tracks[name].at(times) if name in self.tracks else np.repeat(rest[None], len(times), axis=0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class NodePoses(Poses):
-    """World poses of nodes, worked out for the requested ones; a row is a time [s]."""
+    """World poses of nodes, computed for the requested ones; a row is a time [s]."""
 
     nodes: tuple[Node, ...]
     scale: Float[np.ndarray, " j"]
@@ -95,7 +96,7 @@ class NodePoses(Poses):
     bind_quat: Float[np.ndarray, "j 4"]
     """Orientation of each node's frame in the bind pose, wxyz."""
     shared: bool
-    """Whether keys of several properties are the same bytes of the file."""
+    """Whether several properties share the keys' bytes in the file."""
 
     def forget(self, stop: int) -> None:
         """Free the memory of the keys that are before frame `stop`."""
@@ -142,7 +143,7 @@ def read_gltf(path: Path) -> RawMotion:
 
 
 def _joints(file: GltfFile) -> list[int]:
-    """Indices of the nodes of the skeleton: of the skin with most joints, or all nodes where there is none."""
+    """Indices of the skeleton's nodes: of the skin with most joints, or all nodes without a skin."""
     skins = [each.get("joints", []) for each in file.items("skins")]
     count = len(file.items("nodes"))
     joints = max(skins, key=len) if skins else list(range(count))
@@ -155,7 +156,7 @@ def _joints(file: GltfFile) -> list[int]:
 
 
 def _animation(file: GltfFile, joints: list[int]) -> tuple[dict[str, Any], tuple[Reason, ...]]:
-    """The animation that moves most joints, the longest list of channels of equals, and a note of the others."""
+    """The animation of most joints (in a tie with most channels), and a note on the others."""
     wanted = set(joints)
     moving = []
     for each in file.items("animations"):
@@ -176,7 +177,7 @@ def _animation(file: GltfFile, joints: list[int]) -> tuple[dict[str, Any], tuple
 
 
 def _nodes(file: GltfFile, joints: list[int], animation: dict[str, Any]) -> tuple[tuple[Node, ...], list[int]]:
-    """The joints and what is above them, parents first, and their indices in the file."""
+    """The joints and their ancestors, parents first, and their indices in the file."""
     every = file.items("nodes")
     parent = {}
     for number, node in enumerate(every):
@@ -206,7 +207,7 @@ def _nodes(file: GltfFile, joints: list[int], animation: dict[str, Any]) -> tupl
 
 
 def _transform(file: GltfFile, node: dict[str, Any], number: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Place, orientation wxyz and scale of a node at rest. Raises FileError for a scale that is not uniform."""
+    """Position, orientation wxyz and scale of a node at rest. Raises FileError for a scale that is not uniform."""
     try:
         if "matrix" in node:
             matrix = np.array(node["matrix"], dtype=float).reshape(4, 4).T
@@ -233,12 +234,12 @@ def _turn(path: Path, matrix: np.ndarray, what: str) -> np.ndarray:
     return rotation.from_matrix(matrix)
 
 
-def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict[int, dict[str, Track]]:
-    """Translations and rotations of each node that is wanted."""
+def _tracks(file: GltfFile, animation: dict[str, Any], nodes: set[int]) -> dict[int, dict[str, Track]]:
+    """Translation and rotation tracks of the given nodes."""
     samplers, tracks, found = animation.get("samplers", []), {}, dict[str, np.ndarray]()
     for channel in animation["channels"]:
         node, what = channel["target"].get("node"), channel["target"].get("path")
-        if node not in wanted or what not in ("translation", "rotation"):
+        if node not in nodes or what not in ("translation", "rotation"):
             continue
         number = channel.get("sampler")
         if not isinstance(samplers, list) or not isinstance(number, int) or not 0 <= number < len(samplers):
@@ -250,7 +251,7 @@ def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict
         times, values = found[key], file.stored(sampler.get("output"))
         kind = sampler.get("interpolation", "LINEAR")
         if kind == "CUBICSPLINE":
-            values = values[1::3]  # between in- and out-tangents
+            values = values[1::3]  # without in- and out-tangents
         width = 4 if what == "rotation" else 3
         if values.shape != (len(times), width) or not (np.diff(times) > 0.0).all():
             problem = f"the keys of nodes[{node}] ({what}) do not fit their times, or their times do not rise."
@@ -269,7 +270,7 @@ def _shared(nodes: tuple[Node, ...]) -> bool:
 
 
 def _times(path: Path, nodes: tuple[Node, ...]) -> tuple[np.ndarray, float, tuple[Reason, ...]]:
-    """Times of the frames [s], their rate [Hz], and a note where keys are not one each frame."""
+    """Times of the frames [s], their rate [Hz], and a note if there is not one key per frame."""
     every = [track.times for node in nodes for track in node.tracks.values()]
     if not every:
         raise FileError(path, "no animation moves the skeleton.", "Export it with its animation.")
@@ -295,7 +296,7 @@ def _times(path: Path, nodes: tuple[Node, ...]) -> tuple[np.ndarray, float, tupl
 def _bind_pose(
     file: GltfFile, nodes: tuple[Node, ...], index: list[int], scale: Float[np.ndarray, " j"]
 ) -> tuple[Float[np.ndarray, "j 3"], Float[np.ndarray, "j 4"]]:
-    """World places and orientations wxyz of the nodes in the skin's bind pose; as the nodes are, where it has none."""
+    """World positions and orientations wxyz of the nodes in the skin's bind pose, or in the rest pose without one."""
 
     def local(index: int) -> tuple[np.ndarray, np.ndarray]:
         node = nodes[index]

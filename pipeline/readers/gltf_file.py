@@ -1,4 +1,4 @@
-"""glTF 2.0 files (`.gltf`, `.glb`): the JSON and its accessors, with every offset checked before it is followed."""
+"""glTF 2.0 files (`.gltf`, `.glb`): the JSON and its accessors, with all offsets checked before use."""
 
 import base64
 import json
@@ -17,7 +17,7 @@ from pipeline.readers.text_file import MAX_NUMBERS, check_size
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 """glTF's component types."""
 PIECE = 4 << 18
-"""Letters of base64 that are decoded at once, a multiple of four."""
+"""Characters of base64 that are decoded at once, a multiple of four."""
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -33,14 +33,14 @@ class GltfFile:
     """Bytes."""
 
     def items(self, name: str) -> list[dict[str, Any]]:
-        """A list of objects of the file's root. Raises FileError for what is none."""
+        """A list of objects of the file's root. Raises FileError if it is not one."""
         value = self.json.get(name, [])
         if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
             raise FileError(self.path, f"'{name}' is not a list of objects.")
         return value
 
     def item(self, name: str, index: Any) -> dict[str, Any]:
-        """One of them. Raises FileError for an index that is none."""
+        """An object of such a list. Raises FileError for an invalid index."""
         items = self.items(name)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(items):
             raise FileError(self.path, f"there is no {name}[{str(index)[:20]}].")
@@ -51,7 +51,7 @@ class GltfFile:
         return finite_rows(values := self.stored(index), 0, len(values))
 
     def stored(self, index: Any) -> np.ndarray:
-        """The values (n, width) of an accessor, where the file stores them one after another. Raises FileError."""
+        """The values (n, width) of an accessor as stored, without a copy if contiguous. Raises FileError."""
         accessor = self.item("accessors", index)
         kind, width = COMPONENTS.get(accessor.get("componentType", 0)), WIDTHS.get(str(accessor.get("type")))
         count = accessor.get("count")
@@ -84,14 +84,14 @@ def _whole(value: Any) -> int:
 
 
 def open_gltf(path: Path) -> GltfFile:
-    """The file with its buffers. Raises FileError."""
+    """Open a file with its buffers. Raises FileError."""
     bare, inner = _without_buffers(path)
     buffers = tuple(_buffer(path, each, inner, number) for number, each in enumerate(bare.items("buffers")))
     return GltfFile(path=path, json=bare.json, buffers=buffers)
 
 
 def files_beside(path: Path) -> tuple[Path, ...]:
-    """The files beside a glTF that hold its buffers; none where it can't be read."""
+    """External buffer files of a glTF in its folder; none if it can't be read."""
     try:
         bare, _ = _without_buffers(path)
         named = [each.get("uri") for each in bare.items("buffers")]
@@ -102,13 +102,13 @@ def files_beside(path: Path) -> tuple[Path, ...]:
 
 
 def _is_beside(path: Path, uri: str) -> bool:
-    """Whether an address is that of a file in the folder of `path`."""
+    """Whether a URI is a file in the folder of `path`."""
     beside = path.parent / uri
     return not any(each in uri for each in "/\\\0") and not beside.is_symlink() and beside.is_file()
 
 
 def _without_buffers(path: Path) -> tuple[GltfFile, np.ndarray | None]:
-    """The file with its JSON alone, and the binary chunk of a GLB. Raises FileError."""
+    """The file with only its JSON, and the binary chunk of a GLB. Raises FileError."""
     check_size(path)
     with path.open("rb") as stream:
         binary = stream.read(4) == struct.pack("<I", _MAGIC)
@@ -147,7 +147,7 @@ def _chunks(path: Path, stream: BinaryIO) -> tuple[bytes, np.ndarray | None]:
 
 
 def _buffer(path: Path, buffer: dict[str, Any], inner: np.ndarray | None, number: int) -> np.ndarray:
-    """The bytes of a buffer. An address that holds its data is taken out of the JSON."""
+    """The bytes of a buffer. A data URI is removed from the JSON."""
     uri = buffer.pop("uri", None)
     if uri is None:
         if number or inner is None:
@@ -169,7 +169,7 @@ def _buffer(path: Path, buffer: dict[str, Any], inner: np.ndarray | None, number
 
 
 def _decoded(path: Path, uri: str, number: int) -> np.ndarray:
-    """The bytes in a data address, decoded piece by piece. Raises FileError for what is not base64."""
+    """The bytes of a data URI, decoded in pieces. Raises FileError if it is not base64."""
     start = uri.find(",") + 1
     data, count = page_memory.empty((3 * (len(uri) - start) // 4 + 3,), "u1"), 0
     try:

@@ -1,4 +1,4 @@
-"""From a format's joints to the canonical human: skeleton map, unit (that gives human legs), up axis, body by body."""
+"""Convert a format's joints to the canonical human: skeleton map, unit (from the leg length), up axis, bodies."""
 
 import itertools
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ METRES: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "
 STATE_UNIT = f"State `unit:` for it in data/sources.yaml, one of {', '.join(METRES)} or metres per unit."
 
 LEG_MIN, LEG_MAX = 0.60, 1.10
-"""Hip to ankle, thigh plus shank [m]. .245 + .246 of the stature (Drillis and Contini 1966, in Winter 2009,
+"""Plausible leg length, thigh plus shank [m]: 0.245 + 0.246 of the stature (Drillis and Contini 1966, in Winter 2009,
 fig. 4.1) for 1.22 to 2.24 m. The limits are a factor of 1.83 apart, less than any two of the units, so at most one
 unit fits."""
 
 STATED_LEG_MIN, STATED_LEG_MAX = 0.4, 1.4
-"""What a stated unit may give at most; beyond it the statement is wrong."""
+"""Leg lengths accepted for a stated unit [m]; otherwise the statement is wrong."""
 
 
 def find_unit(path: Path, leg: float, stated: str | None) -> tuple[str, float]:
     """Name of the unit and metres per unit, of a skeleton whose leg is `leg` units long.
 
-    `stated` is a unit's name or metres per unit. Raises AmbiguousFileError when no unit makes the leg human, FileError
-    when the stated one does not.
+    `stated` is a unit's name or metres per unit. Raises AmbiguousFileError if no unit gives a human leg, FileError if
+    the stated one does not.
     """
     if stated is not None:
         try:
@@ -66,10 +66,10 @@ TO_Z_UP: dict[str, np.ndarray] = {
 """Rotation from a file's axes to the world's, by the file's up axis. A y-up file's z becomes x (forward)."""
 
 MIN_COSINE = 0.8
-"""How well the mean direction from feet to head has to agree with one axis (37 degrees)."""
+"""Least cosine between the mean direction from feet to head and the up axis (37 degrees)."""
 
 MIN_SHARE = 0.5
-"""Share of the frames in which the head has to be above the feet along it."""
+"""Least share of frames in which the head is above the feet along that axis."""
 
 
 def find_up_axis(path: Path, feet_to_head: Float[np.ndarray, "t 3"], stated: str | None) -> str:
@@ -98,10 +98,10 @@ def find_up_axis(path: Path, feet_to_head: Float[np.ndarray, "t 3"], stated: str
 
 
 FRAMES_AT_ONCE = 4096
-"""Frames that are worked on together: what is in between takes little memory, however long the file is."""
+"""Frames per batch, which limits the memory for intermediate results."""
 
 MAX_BODY_TILT_DEG = 60.0
-"""How far the left axes of pelvis and chest may lie, on average, from the hip and the shoulder line."""
+"""Largest mean angle of the left axes of pelvis and chest to the hip and the shoulder line."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,13 +116,16 @@ class Canonical:
 
 
 def to_human(motion: RawMotion, name: str, statement: Statement, *, consume: bool = False) -> Canonical:
-    """The canonical clip of a motion.
+    """Convert a motion to a canonical clip.
 
     Args:
-        consume: free the memory of the motion's frames on the way; it can't be used again
+        motion: motion from a reader
+        name: name of the clip
+        statement: stated facts about the file
+        consume: free the memory of the motion's frames during the conversion; it can't be used again
 
-    Raises FileError (unknown skeleton, mirrored, axes that are not the map's) and AmbiguousFileError (skeleton, unit,
-    up axis or rate that the file does not give).
+    Raises FileError (unknown skeleton, mirrored, axes that differ from the map's) and AmbiguousFileError (skeleton,
+    unit, up axis or rate neither in the file nor stated).
     """
     path = motion.files[0]
     refuse_pose(path, motion.frame_count)
@@ -161,7 +164,7 @@ def _to_world(
     metres: float,
     skeleton: SkeletonMap,
 ) -> None:
-    """Change bodies in a file's world and unit to ours, in place; bodies that the skeleton lacks get their place."""
+    """Convert bodies in place from the file's world and unit to ours; add bodies that the skeleton lacks."""
     axes_quat = rotation.from_matrix(axes)
     offset = np.array([skeleton.bodies[name].offset for name in BODIES])
     for start, stop in _chunks(len(pos)):
@@ -171,7 +174,7 @@ def _to_world(
 
 
 def _chunks(frames: int) -> list[tuple[int, int]]:
-    """Stretches [start, stop) of a motion that are worked on together."""
+    """Batches [start, stop) of frames."""
     return [(start, min(start + FRAMES_AT_ONCE, frames)) for start in range(0, frames, FRAMES_AT_ONCE)]
 
 
@@ -207,7 +210,7 @@ def _make_continuous(quat: Float[np.ndarray, "t 19 4"]) -> None:
 
 
 def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> None:
-    """Left is left, and pelvis and chest are turned the way the map expects. Raises FileError."""
+    """Check that sides are not swapped and that pelvis and chest have the map's orientation. Raises FileError."""
     known, swapped, off = 0, 0.0, {"pelvis": 0.0, "chest": 0.0}
     for start, stop in _chunks(clip.frame_count):
         part = clip.cut(start, stop, clip.name)
@@ -236,6 +239,6 @@ def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> N
 
 
 def _ahead(clip: HumanClip, side: str) -> Float[np.ndarray, "t 3"]:
-    """Where a leg points [m]: ankle to toe, plus how far the knee is before the line of hip and ankle."""
+    """Forward vector of a leg [m]: ankle to toe, plus the offset of the knee from the line of hip and ankle."""
     hip, knee, ankle, toe = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle", "toe"))
     return (toe - ankle) + (knee - 0.5 * (hip + ankle))

@@ -1,8 +1,8 @@
 """Isaac Lab AMP archives: world poses of the bodies of a humanoid, by name.
 
-`body_positions` (t, b, 3) [m], `body_rotations` (t, b, 4) wxyz, `body_names`, `fps`. The archive names no
-hierarchy: bones are the places of bodies in their parents' frames, and have to be rigid. That they are
-proves the order of the quaternions too.
+`body_positions` (t, b, 3) [m], `body_rotations` (t, b, 4) wxyz, `body_names`, `fps`. The archive has no
+hierarchy: bones are the offsets of bodies in their parents' frames, which must be constant. This also verifies the
+order of the quaternions.
 """
 
 from pathlib import Path
@@ -34,19 +34,19 @@ PARENTS: dict[str, str | None] = {
 }
 
 MAX_BONE_CHANGE = 0.01
-"""How far a body may move in its parent's frame [m] (95th percentile) and still be a bone."""
+"""Largest variation of a body's offset in its parent's frame for a rigid bone [m] (95th percentile)."""
 
 MEASURED_FRAMES = 20_000
-"""Frames in which bones are measured, from the first."""
+"""Number of frames, from the first, in which bones are measured."""
 
 
 def is_isaac_amp(header: ArrayFile) -> bool:
-    """An archive of Isaac Lab's AMP motions."""
+    """Whether an archive has the format of Isaac Lab's AMP motions."""
     return header.has("body_positions", "body_rotations", "body_names")
 
 
 def read_isaac_amp(header: ArrayFile) -> RawMotion:
-    """An AMP motion of Isaac Lab. Raises FileError."""
+    """Read an AMP motion of Isaac Lab. Raises FileError."""
     path = header.path
     stored = header.texts("body_names")
     missing = [name for name in PARENTS if name not in stored]
@@ -80,7 +80,7 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
 def _bones(
     path: Path, names: tuple[str, ...], parents: tuple[int, ...], pos: np.ndarray, quat: np.ndarray
 ) -> np.ndarray:
-    """Place of each body in its parent's frame [m] (b, 3), the median over time. Raises FileError."""
+    """Offset of each body in its parent's frame [m] (b, 3), median over time. Raises FileError."""
     places = in_parents(pos, quat, parents)
     offsets = np.nanmedian(places, axis=0)
     change = np.nanpercentile(rotation.length(places - offsets), 95, axis=0)

@@ -1,13 +1,13 @@
-"""The motion files below a source's folder, and the digest of what the clip of a file depends on.
+"""Motion files of a source's folder, and the digest of everything that the clip of a file depends on.
 
-A symbolic link that leaves the folder, or leads nowhere, is refused: a file behind it would get this source's
-licence and credit.
+A symbolic link that leaves the folder or is broken is refused, since its target would get this source's licence and
+credit.
 
-The motion that a robot tracked is stated in data/sources.yaml (`tracks`), or in the YAML file beside the recording:
+The motion that a robot tracked is stated in data/sources.yaml (`tracks`), or in the YAML file next to the recording:
 
     tracks: reference.csv        # from the recording's folder
 
-Reference and recording begin together and are of the same robot.
+Reference and recording start at the same time and are of the same robot.
 """
 
 import fnmatch
@@ -30,28 +30,28 @@ from pipeline.readers.unread import NO_MOTION, POINTER, how_to_convert
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """A motion that was tracked, as it was read."""
+    """A tracked reference motion that was read from a file."""
 
     clip: RobotClip
     path: Path
     content: str
-    """Digest of its file and of what is stated of it."""
+    """Digest of its file and of its statements."""
 
 
 def named_reference(path: Path, source: Source) -> str | None:
-    """The stated reference of a recording; None for most. Raises SettingsError where the file beside it has no path."""
+    """Stated reference of a recording, or None. Raises SettingsError if the YAML file next to it has no valid path."""
     stated = source.statement_of(path).tracks
     if stated is not None:
         return stated
     try:
         sidecar = read_sidecar(path)
     except SettingsError:
-        return None  # noted with the licence
+        return None  # reported with the licence
     return sidecar_text(path, sidecar, "tracks", "the path of a motion")
 
 
 def inside(path: Path, named: str, source: Source) -> Path | None:
-    """The path that a recording names, if it is in the source's folder, whether it is there or not."""
+    """The path of a recording's reference if it is in the source's folder, even if the file is missing."""
     try:
         folder, target = source.folder.resolve(), (path.parent / named).resolve()
     except (OSError, ValueError, RuntimeError):  # too long, with zero bytes, links in a circle
@@ -60,9 +60,10 @@ def inside(path: Path, named: str, source: Source) -> Path | None:
 
 
 def read_reference(path: Path, source: Source, clip: RobotClip | HumanClip) -> Reference | None:
-    """The motion that the recording `path` tracked, which lies in its source's folder; None where nothing names one.
+    """Read the motion that the recording `path` tracked; None if none is stated.
 
-    Raises FileError, which names both files, for a reference that is not there, can't be read or does not fit.
+    Raises FileError, with both files, for a reference that is missing, outside the source's folder, unreadable or that
+    does not match the recording.
     """
     named = named_reference(path, source)
     if named is None:
@@ -75,7 +76,7 @@ def read_reference(path: Path, source: Source, clip: RobotClip | HumanClip) -> R
 
 
 def load_reference(path: Path, source: Source, named: str) -> Reference:
-    """The motion of that name, whatever the recording is. Raises FileError."""
+    """Read the reference motion with that name. Raises FileError."""
     reference = inside(path, named, source)
     if reference is None:
         raise _error(path, named, "it lies outside of the source's folder")
@@ -97,7 +98,7 @@ def load_reference(path: Path, source: Source, named: str) -> Reference:
 
 
 def _misfit(found: RobotClip, clip: RobotClip | HumanClip) -> str:
-    """Why a motion can't be what a recording tracked; empty where it can."""
+    """Why a motion can't be the reference of a recording; empty if it can."""
     if not isinstance(clip, RobotClip):
         return "only a robot tracks a motion, and this is a person's"
     if (found.robot, found.joint_names) != (clip.robot, clip.joint_names):
@@ -112,7 +113,7 @@ def _error(path: Path, named: str, problem: str) -> FileError:
 
 
 def can_be_followed(path: Path, folder: Path) -> bool:
-    """`path` is no link, or one to something that is there and is in the source's folder."""
+    """Whether `path` is not a link, or a link to an existing target in the source's folder."""
     if not path.is_symlink():
         return True
     try:
@@ -122,7 +123,7 @@ def can_be_followed(path: Path, folder: Path) -> bool:
 
 
 def refuse_outside_link(path: Path, folder: Path) -> None:
-    """Raises FileError for a link that can't be followed; its target is not read."""
+    """Raise FileError for a link that must not be followed; its target is not read."""
     if can_be_followed(path, folder):
         return
     problem = f"a symbolic link (to {path.readlink()}) that leaves the source's folder or leads nowhere is not read."
@@ -135,18 +136,17 @@ _SNIFFED_BYTES = 4_096
 _TABLE_COLUMNS = ("file", "licence", "license", "skill", "name", "path", "source")
 """First column of tables about motions, which are not motions."""
 _NO_MOTIONS = ("readme", "license", "licence", "index", "segments", "credits", "changelog")
-"""Names, without suffix, of links out of the folder that are not taken for motions; their content is not read."""
+"""Names, without suffix, of links out of the folder that are not motions; their content is not read."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Listing:
-    """What is below a source's folder."""
+    """Content of a source's folder."""
 
     motions: tuple[Path, ...]
     """Motion files, sorted by their path below the folder."""
     unread: Mapping[str, int]
-    """Files of formats that are not read, but for those that hold no motion (pictures, text, code): suffix -> how
-    many."""
+    """Suffix -> number of files of unsupported formats, without files that contain no motion (pictures, text, code)."""
 
     def unread_text(self) -> str:
         """`8 files of other formats were not read: .fbx 7, .trc 1`, and how to convert them; may be empty."""
@@ -167,9 +167,9 @@ def list_motion_files(source: Source) -> list[Path]:
 def list_files(source: Source) -> Listing:
     """Motion files of a source, and files of formats that are not read.
 
-    By suffix; text and tables that are no motions (README.txt, index.csv), hidden files and folders are left out. A
-    symbolic link that leaves the folder is listed by its name and not followed; `refuse_outside_link` has the reason.
-    Raises FileError for more files than a source may have.
+    Files are selected by suffix; other text and tables (README.txt, index.csv), hidden files and folders are left out.
+    A symbolic link that leaves the folder is listed but not followed; `refuse_outside_link` gives the reason. Raises
+    FileError if a source has too many files.
     """
     found: list[Path] = []
     unread: Counter[str] = Counter()
@@ -185,7 +185,7 @@ def list_files(source: Source) -> Listing:
 
 
 def source_warnings(source: Source, listing: Listing) -> list[str]:
-    """What a person should know of a source: files that are not read, nothing to read, statements of no file."""
+    """Warnings about a source: files that are not read, no motion files, statements that match no file."""
     warnings = []
     if not listing.motions:
         warnings.append(f"source '{source.name}': there is no motion file in {source.folder}")
@@ -199,7 +199,7 @@ def source_warnings(source: Source, listing: Listing) -> list[str]:
 
 
 def _kind(path: Path, folder: Path) -> str:
-    """`motion`; `unread` for what may hold motion in a format that is not read; else nothing."""
+    """`motion`; `unread` for a file that may contain motion in an unsupported format; else empty."""
     suffix, maybe = path.suffix.lower(), path.stem.lower() not in _NO_MOTIONS
     if path.name.startswith("."):
         return ""
@@ -211,7 +211,7 @@ def _kind(path: Path, folder: Path) -> str:
         return "motion" if suffix in SUFFIXES else "unread" if maybe and suffix not in NO_MOTION else ""
     start = _start(path)
     if start is None:
-        return "motion"  # the reader says what is wrong with it
+        return "motion"  # the reader reports the error
     if suffix == ".csv":
         first = start.split("\n")[0].split(",")[0].strip().strip('"').lower()
         return "" if first in _TABLE_COLUMNS else "motion"
@@ -232,9 +232,9 @@ def _start(path: Path) -> str | None:
 def content_digest(path: Path, source: Source) -> str:
     """Digest of a motion file, of the files that belong to it, and of what its source states about it.
 
-    To it belong the skeletons (`.asf`) beside an `.amc`, the buffers of a `.gltf`, and the files that its statement
-    names: a skeleton map of the user's own, a body model, an ASF; and the motion that it tracked, with what is stated
-    of that. A motion that is a link out of the source's folder is not followed: its target's name counts.
+    These are the skeletons (`.asf`) next to an `.amc`, the buffers of a `.gltf`, the files named by its statement (the
+    user's skeleton map, a body model, an ASF), and the tracked motion with its statement. For a link out of the
+    source's folder, only the target's name is used.
     """
     followed = can_be_followed(path, source.folder)
     own = digest.of_file_or_fault(path) if followed else digest.of_json(["link", str(path.readlink())])

@@ -1,17 +1,17 @@
-"""Which skeleton a motion is of: a map that is stated, one that ships, or one measured from its names, tree and bones.
+"""Find a motion's skeleton map: stated, shipped, or measured from the names, tree and bones.
 
 names without a shared prefix -> roles of the joints -> axes measured from the rest pose
 shipped maps whose joints are all present and whose axes agree with the measured ones; several: the poses decide
 none of them: the measured map; no pose to measure: a shipped map whose bones are along the same axes
 
-Several maps: two maps that fit the same names and bones differ in how they turn thigh, shank and foot about their own
-lengths. With the right one the knees bend about the thighs' left axes, and in the middle of the frames thighs are not
-twisted against the pelvis and feet do not roll against the shanks. Measured with the right map 4 to 6 degrees, with
-the wrong one 24 to 29 (CMU recordings and PFNN, which share names and bones).
+Several maps: two maps that fit the same names and bones differ in the rotation of thigh, shank and foot about their own
+axes. With the right one the knees bend about the thighs' left axes, and in the middle of the frames thighs are not
+twisted against the pelvis and feet do not roll against the shanks. The measured angles are 4 to
+6 degrees with the right map and 24 to 29 with the wrong one (CMU recordings and PFNN, which share names and bones).
 
-Axes: a program that exports z up instead of y up turns the frames of all joints by the same quarter turns. The axes
-that a map names (`up: y`) then are others; the rest pose shows it, because hips and head are elsewhere in the
-pelvis' frame.
+Axes: a program that exports z up instead of y up rotates the frames of all joints by the same multiples of 90 degrees,
+so the axes in a map (`up: y`) do not hold. The rest pose shows this by the directions of hips and head in the pelvis'
+frame.
 """
 
 import dataclasses
@@ -34,11 +34,11 @@ from pipeline.readers.roles import Roles, find_roles, measured_map, without_pref
 from pipeline.readers.skeleton_map import CANONICAL, BodyMap, SkeletonMap, shipped_maps, stated_map
 
 MIN_COSINE = np.cos(np.deg2rad(35.0))
-"""How well the rest pose has to agree with quarter turns: 45 degrees is halfway between no turn and a quarter turn."""
+"""Least cosine for the agreement of the rest pose with a rotation by multiples of 90 degrees."""
 
 
 def with_axes_of_map(motion: RawMotion, skeleton: SkeletonMap) -> RawMotion:
-    """The motion with its joints' frames turned to those that the map speaks of; unchanged where they are."""
+    """Rotate the joints' frames to the axes of the map; unchanged if they already agree."""
     turn = _quarter_turns(motion, skeleton)
     if np.array_equal(turn, np.eye(3)):
         return motion
@@ -49,7 +49,7 @@ def with_axes_of_map(motion: RawMotion, skeleton: SkeletonMap) -> RawMotion:
 
 
 def _quarter_turns(motion: RawMotion, skeleton: SkeletonMap) -> Float[np.ndarray, "3 3"]:
-    """Rotation from the map's joint axes to the file's; identity where the rest pose does not show it."""
+    """Rotation from the map's joint axes to the file's; identity if the rest pose does not show it."""
     bodies = skeleton.bodies
     pelvis = bodies["pelvis"].joint
     try:
@@ -66,7 +66,7 @@ def _quarter_turns(motion: RawMotion, skeleton: SkeletonMap) -> Float[np.ndarray
 
 
 def _turns() -> list[np.ndarray]:
-    """The 24 rotations that map axes to axes."""
+    """The 24 rotations that permute the coordinate axes."""
     signed = [
         np.diag(signs) @ np.eye(3)[list(order)]
         for order in itertools.permutations(range(3))
@@ -79,19 +79,19 @@ _ALL_TURNS = _turns()
 
 
 SAMPLES = 5_000
-"""Frames that are checked, at most: those in the middle of the motion."""
+"""Most frames that are checked, from the middle of the motion."""
 BENT = np.deg2rad(25.0)
-"""A knee's axis is measured where it is bent by more than this [rad]."""
+"""Least knee bend at which the knee's axis is measured [rad]."""
 FEWEST = 5
-"""Frames with a bent knee that are needed."""
+"""Least number of frames with a bent knee."""
 BEST = np.deg2rad(20.0)
-"""Largest misfit of the map that is taken [rad]."""
+"""Largest misfit of the selected map [rad]."""
 MARGIN = np.deg2rad(8.0)
-"""How much smaller it has to be than any other map's [rad]."""
+"""Least difference to the misfit of all other maps [rad]."""
 
 
 def distinguished(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[SkeletonMap]:
-    """The one map that the legs' poses fit, or all of `maps` where the poses fit several."""
+    """The single map that fits the legs' poses, or all of `maps` if several fit."""
     misfits = np.array([leg_misfit(with_axes_of_map(motion, one), one) for one in maps])
     if not np.isfinite(misfits).all():
         return list(maps)
@@ -101,7 +101,7 @@ def distinguished(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[Skelet
 
 
 def leg_misfit(motion: RawMotion, skeleton: SkeletonMap) -> float:
-    """Mean angle that knees, thighs and feet are off what people's are [rad]; NaN where no knee bends enough."""
+    """Mean deviation of the axes of knees, thighs and feet from a person's [rad]; NaN if no knee bends enough."""
     angles, first = [], max(0, (motion.frame_count - SAMPLES) // 2)
     for side in FEET:
         bodies = ("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle")))
@@ -123,20 +123,20 @@ COMPARED = (
     *("pelvis", "chest", "left_hip", "right_hip", "left_knee", "right_knee"),
     *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
 )
-"""Bodies whose axes are compared: they show a map of another rest pose or of other bone axes."""
+"""Bodies whose axes are compared to detect a map with another rest pose or other bone axes."""
 
 SAME_AXES = np.deg2rad(50.0)
-"""Axes of a shipped map may differ by this from those measured from the rest pose [rad]: people's thighs and arms are
-turned by up to 30 degrees in the rest poses of real recordings, and other conventions differ by quarter turns."""
+"""Largest angle between the axes of a shipped map and those measured from the rest pose [rad]: thighs and arms are
+rotated by up to 30 degrees in the rest poses of real recordings, and other conventions differ by 90 degrees."""
 
 BONE_COSINE = 0.8
-"""How well the bones of trunk and feet have to lie along the axes that a map gives them."""
+"""Least cosine between the bones of trunk and feet and the axes of a map."""
 
 
 def match_skeleton(motion: RawMotion, stated: str | None = None) -> tuple[SkeletonMap, RawMotion]:
-    """The map of a motion, or the one that is stated (a name or a `.yaml` file), and the motion with its joints' names.
+    """The map of a motion, or the stated one (a name or a `.yaml` file), and the motion with the map's joint names.
 
-    Raises FileError for an unknown skeleton, AmbiguousFileError where several maps fit and the poses fit each of them.
+    Raises FileError for an unknown skeleton, AmbiguousFileError if several maps fit names, bones and poses.
     """
     bare = motion.renamed(without_prefix(motion.joint_names))
     if stated is not None:
@@ -162,7 +162,7 @@ def match_skeleton(motion: RawMotion, stated: str | None = None) -> tuple[Skelet
 
 
 def _stated(motion: RawMotion, bare: RawMotion, stated: str) -> tuple[SkeletonMap, RawMotion]:
-    """The stated map, which may name the joints with or without what they all begin with."""
+    """The stated map, which may name the joints with or without their shared prefix."""
     skeleton = stated_map(motion.files[0], stated)
     for each in (motion, bare):
         if skeleton.joints <= set(each.joint_names):
@@ -172,7 +172,7 @@ def _stated(motion: RawMotion, bare: RawMotion, stated: str) -> tuple[SkeletonMa
 
 
 def _axes_agree(motion: RawMotion, one: SkeletonMap, measured: SkeletonMap, with_ends: RawMotion) -> bool:
-    """A map gives the bodies about the axes that the rest pose shows."""
+    """Whether a map's axes of the bodies agree with those measured from the rest pose."""
     try:
         turned = with_axes_of_map(motion, one)
         frames = one.rest_frames(turned, COMPARED)
@@ -184,7 +184,7 @@ def _axes_agree(motion: RawMotion, one: SkeletonMap, measured: SkeletonMap, with
 
 
 def _along_bones(motion: RawMotion, roles: Roles) -> list[SkeletonMap]:
-    """Shipped maps, under the names of this file, whose bones are along the same axes and whose legs fit the poses."""
+    """Shipped maps, with this file's joint names, whose bones have the same axes and whose legs fit the poses."""
     if roles.missing:
         return []
     renamed = [_renamed(motion, roles, one) for one in shipped_maps().values()]
@@ -193,7 +193,7 @@ def _along_bones(motion: RawMotion, roles: Roles) -> list[SkeletonMap]:
 
 
 def _renamed(motion: RawMotion, roles: Roles, one: SkeletonMap) -> SkeletonMap:
-    """A map under the names of this file, without what it asks for beside its bodies."""
+    """A map with this file's joint names, without its further requirements."""
     names = {body: motion.joint_names[joint] for body, joint in roles.joints.items()}
     name_of = {each.joint: names[body] for body, each in one.bodies.items()}
     bodies = {}
@@ -204,7 +204,7 @@ def _renamed(motion: RawMotion, roles: Roles, one: SkeletonMap) -> SkeletonMap:
 
 
 def _bones_agree(motion: RawMotion, one: SkeletonMap, roles: Roles) -> bool:
-    """From pelvis to chest, neck and head is up, from right to left hip is left, with the map's axes."""
+    """Whether, with the map's axes, pelvis to chest, neck and head is up, and right to left hip is left."""
     names = {body: motion.joint_names[joint] for body, joint in roles.joints.items()}
     try:
         pairs = [("pelvis", "chest"), ("chest", "neck"), ("neck", "head")]
@@ -220,10 +220,10 @@ def _bones_agree(motion: RawMotion, one: SkeletonMap, roles: Roles) -> bool:
 
 
 LISTED = 12
-"""Names that a message lists at most."""
+"""Most names listed in a message."""
 
 OPEN = "FILL_IN"
-"""Stands in a map to start from for a joint that a person has to name."""
+"""Placeholder in a template map for a joint that the user has to name."""
 
 MAP_AXES: dict[str, dict[str, str]] = {
     "hip": {"down": "knee", "left": "x"},
@@ -234,11 +234,11 @@ MAP_AXES: dict[str, dict[str, str]] = {
     "elbow": {"down": "wrist", "ahead": "z"},
     "wrist": {"down": "x", "ahead": "z"},
 }
-"""Directions of the limbs' bodies in a y-up file with stretched arms; names of parts stand for their joints."""
+"""Directions of the limbs' bodies in a y-up file with stretched arms; names of parts refer to their joints."""
 
 
 def unknown_skeleton(names: Sequence[str], roles: Roles) -> tuple[str, str]:
-    """Problem and remedy: the closest map, the joints that differ, and what the tree contradicts."""
+    """Problem and remedy for an unknown skeleton: the closest map, differing joints, contradictions in the tree."""
     have = set(names)
     closest = max(shipped_maps().values(), key=lambda one: (len(one.joints & have) / len(one.joints), one.name))
     missing = ", ".join(sorted(closest.joints - have)) or "none"
@@ -276,7 +276,7 @@ def map_text(title: str, bodies: Mapping[str, BodyMap]) -> str:
 
 
 def map_to_start_from(names: Sequence[str], roles: Roles) -> str:
-    """A map with the joints that are known filled in and `FILL_IN` for the others."""
+    """A template map with the known joints and `FILL_IN` for the others."""
     joint = {body: names[index] for body, index in roles.joints.items()}
     bodies = {}
     for body in BODIES:
@@ -297,7 +297,7 @@ READERS = {".bvh": read_bvh, ".glb": read_gltf, ".gltf": read_gltf}
 
 
 def written_map(path: Path, stated: str | None = None) -> str:
-    """The map that a file is read with, else one with the joints that are known filled in. Raises FileError."""
+    """The map that a file is read with, else a template with the known joints. Raises FileError."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         known = ", ".join(sorted(READERS))

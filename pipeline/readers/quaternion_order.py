@@ -1,7 +1,7 @@
-"""The order of a root's quaternion, wxyz or xyzw, where a file does not name it.
+"""Infer the order of a root's quaternion, wxyz or xyzw, if the file does not state it.
 
-In the wrong order a heading becomes a roll: at most headings the trunk is horizontal. Where both orders leave it
-upright (near 0 and 180 degrees) the soles decide: those that stand are level and do not slide.
+In the wrong order a heading becomes a roll, so that the trunk is horizontal at most headings. If it is upright with
+both orders (headings near 0 and 180 degrees), the soles decide: in stance they are level and do not slide.
 """
 
 from pathlib import Path
@@ -17,34 +17,34 @@ from pipeline.robot import Kinematics, Robot
 ORDERS = ("wxyz", "xyzw")
 
 MAX_TILT_DEG = 60.0
-"""A trunk tilted by more than this is not upright: median over the frames [deg]."""
+"""Largest tilt of an upright trunk, median over the frames [deg]."""
 
 MOST_FRAMES = 1500
-"""Frames that are checked, at most."""
+"""Most frames that are checked."""
 
 SURE = 2.0
-"""The worse order's score is at least this many times the better one's."""
+"""Least ratio of the worse order's score to the better one's for a decision."""
 
 LEVEL_DEG, SLOW = 3.0, 0.05
-"""Tilt [deg] and speed [m/s] of a standing sole up to which it counts as level and still."""
+"""Tilt [deg] and speed [m/s] up to which a sole counts as level and at rest."""
 
 
 class Soles(NamedTuple):
-    """How a robot stands with one order, medians over the frames."""
+    """Tilt and speed of the lower sole with one order, medians over the frames."""
 
     tilt_deg: float
-    """Of the lower sole [deg]."""
+    """Tilt of the lower sole [deg]."""
     speed: float
-    """Of the lower sole along the ground, each frame's [m/s]."""
+    """Horizontal speed of each frame's lower sole [m/s]."""
 
     @property
     def score(self) -> float:
-        """1 for a sole that stands; the larger the less it does."""
+        """Score of the order: 1 for a sole in stance, larger otherwise."""
         return max(1.0, self.tilt_deg / LEVEL_DEG) * max(1.0, self.speed / SLOW)
 
 
 def trunk_tilt_deg(quat: Float[np.ndarray, "t 4"]) -> float:
-    """Median angle of the root's z axis to the vertical [deg]; 180 where no frame is known."""
+    """Median angle of the root's z axis to the vertical [deg]; 180 without a valid frame."""
     up = rotation.rotate(rotation.normalize(quat), np.array([0.0, 0.0, 1.0]))[:, 2]
     if not np.isfinite(up).any():
         return 180.0
@@ -65,9 +65,9 @@ def inferred_order(
     robot: Robot,
     fps: float,
 ) -> str:
-    """`wxyz` or `xyzw`; the usual one of the format where both give the same motion or neither stands upright.
+    """`wxyz` or `xyzw`; the usual order of the format if both give the same motion or neither is upright.
 
-    `joint_pos` is in the robot's order. Raises AmbiguousFileError where both are upright and the soles do not decide.
+    `joint_pos` is in the robot's order. Raises AmbiguousFileError if both are upright and the soles do not decide.
     """
     quats = {order: in_order(root_quat, order) for order in ORDERS}
     upright = [order for order in ORDERS if trunk_tilt_deg(quats[order]) <= MAX_TILT_DEG]
@@ -78,7 +78,7 @@ def inferred_order(
     better, worse = sorted(ORDERS, key=lambda order: (soles[order].score, order != usual))
     still = max(each.speed for each in soles.values()) <= SLOW
     if still and soles[worse].tilt_deg - soles[better].tilt_deg < LEVEL_DEG:
-        return usual  # nothing moves and both stand alike: the same motion under two headings
+        return usual  # no motion and equal soles: both orders differ only in heading
     if soles[worse].score < SURE * soles[better].score:
         problem = (
             f"the order of the root's quaternion can't be inferred: as {usual} the standing sole is tilted by "
@@ -96,7 +96,7 @@ def _soles(
     robot: Robot,
     fps: float,
 ) -> Soles:
-    """How the lower sole stands over frames in a row."""
+    """Tilt and speed of the lower sole over consecutive frames."""
     whole = np.isfinite(np.concatenate([quat, root_pos_w, joint_pos], axis=1)).all(axis=1)
     frames = np.flatnonzero(whole)[:MOST_FRAMES]
     if len(frames) < 3:

@@ -1,4 +1,4 @@
-"""What a format's reader returns: named joints over time in its own unit and axes; poses only as requested."""
+"""Result of a format's reader: named joints over time in the file's unit and axes, with poses computed on request."""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -25,7 +25,7 @@ class Poses(ABC):
     """T frames of J joints."""
 
     rows: tuple[np.ndarray, ...]
-    """Arrays of a row each frame that the poses are computed from."""
+    """Arrays with one row per frame from which the poses are computed."""
 
     @property
     def frame_count(self) -> int:
@@ -44,7 +44,8 @@ class Poses(ABC):
 def along_tree(
     joints: Sequence[int], parents: Sequence[int], local: Callable[[int], tuple[np.ndarray, np.ndarray]]
 ) -> World:
-    """Poses of joints from the place (t, 3) and orientation (t, 4) of a joint in its parent's frame (`local`)."""
+    """World poses of joints from each joint's position (t, 3) and orientation (t, 4) in its parent's frame
+    (`local`)."""
     pos: dict[int, np.ndarray] = {}
     quat: dict[int, np.ndarray] = {}
     for joint in with_ancestors(joints, parents):
@@ -59,13 +60,13 @@ def along_tree(
 def in_parents(
     pos: Float[np.ndarray, "t n 3"], quat: Float[np.ndarray, "t n 4"], parents: Sequence[int]
 ) -> Float[np.ndarray, "t n 3"]:
-    """Places of joints in their parents' frames, zero for a root, from poses in the world."""
+    """Positions of joints in their parents' frames, zero for a root, from world poses."""
     above = [joint if parent < 0 else parent for joint, parent in enumerate(parents)]
     return rotation.rotate_inverse(quat[:, above], pos - pos[:, above])
 
 
 def with_ancestors(joints: Sequence[int], parents: Sequence[int]) -> list[int]:
-    """The joints and all above them, parents first, in a tree whose parents come before their children."""
+    """The joints and all their ancestors, parents first, in a tree with parents before children."""
     found: set[int] = set()
     for joint in joints:
         while joint >= 0 and joint not in found:
@@ -82,15 +83,15 @@ def parent_indices(parents: Mapping[str, str | None]) -> tuple[int, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class TreePoses(Poses):
-    """Poses of a tree of joints that turn about fixed places in their parents' frames."""
+    """Poses of a tree of joints with constant offsets in their parents' frames."""
 
     parents: tuple[int, ...]
     """Index of each joint's parent, -1 for the root; a parent comes before its children."""
     offsets: Float[np.ndarray, "j 3"]
-    """Place of each joint in its parent's frame, in the file's unit; of the root it is not used."""
+    """Offset of each joint in its parent's frame, in the file's unit; not used for the root."""
     local: Callable[[int, int], tuple[np.ndarray, np.ndarray]]
-    """Places of the root (t, 3) and orientations wxyz of all joints in their parents' frames (t, j, 4) in frames
-    [start, stop)."""
+    """Function for the positions of the root (t, 3) and orientations wxyz of all joints in their parents' frames (t, j,
+    4) in frames [start, stop)."""
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         root, quat = self.local(start, min(stop, self.frame_count))
@@ -104,13 +105,13 @@ class TreePoses(Poses):
 
 @dataclass(frozen=True, kw_only=True)
 class RowPoses(Poses):
-    """World poses that a file holds, converted to numbers for the requested frames.
+    """World poses stored in a file, converted for the requested frames.
 
-    `rows` are positions (t, b, 3) in the file's unit and orientations wxyz (t, b, 4), as the file stores them.
+    `rows` are positions (t, b, 3) in the file's unit and orientations wxyz (t, b, 4), as stored in the file.
     """
 
     columns: tuple[int, ...]
-    """Which body each joint is."""
+    """Index of each joint's body."""
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         columns = [self.columns[joint] for joint in joints]
@@ -124,12 +125,12 @@ class TipPoses(Poses):
 
     poses: Poses
     count: int
-    """Joints of `poses`; the tips come after them."""
+    """Number of joints in `poses`; the tips follow."""
     tips: tuple[tuple[int, tuple[float, float, float]], ...]
-    """Joint that carries each tip, and the tip's place in its frame in the file's unit."""
+    """Parent joint of each tip, and the tip's offset in its frame, in the file's unit."""
 
     def world(self, joints: Sequence[int], start: int, stop: int) -> World:
-        """Poses of joints and tips; a tip turns with its joint."""
+        """Poses of joints and tips; a tip has the orientation of its joint."""
         carriers = [each if each < self.count else self.tips[each - self.count][0] for each in joints]
         pos, quat = self.poses.world(carriers, start, stop)
         for column, each in enumerate(joints):
@@ -167,7 +168,7 @@ class ChannelPoses(Poses):
     def _local(
         self, joints: list[int], values: Float[np.ndarray, "t c"]
     ) -> tuple[Float[np.ndarray, "n t 3"], Float[np.ndarray, "n t 4"]]:
-        """Place and orientation of joints in their parents' frames; joints of the same channels are done together."""
+        """Position and orientation of joints in their parents' frames; joints with equal channels are batched."""
         frames = len(values)
         pos = np.broadcast_to(self.offsets[joints][:, None], (len(joints), frames, 3)).copy()
         quat = np.broadcast_to(rotation.IDENTITY, (len(joints), frames, 4)).copy()
@@ -188,14 +189,14 @@ class ChannelPoses(Poses):
 
 
 MIN_FRAMES = 2
-"""A file with fewer frames holds a pose, not a motion."""
+"""Least number of frames of a motion; a file with fewer contains a pose."""
 
 TIP = " (end)"
-"""What is added to a joint's name for the end of its bone."""
+"""Suffix of a joint's name for the end of its bone."""
 
 
 def refuse_pose(path: Path, frames: int) -> None:
-    """Raises FileError for a file with too few frames."""
+    """Raise FileError for a file with too few frames."""
     if frames < MIN_FRAMES:
         raise FileError(path, f"the file has {'1 frame' if frames == 1 else f'{frames} frames'}, which is no motion.")
 
@@ -204,8 +205,8 @@ def refuse_pose(path: Path, frames: int) -> None:
 class RawMotion:
     """T frames of a tree of J joints; lengths in the file's unit, axes as in the file.
 
-    `rest_offset` holds each joint's place in its parent's frame at rest; skeleton maps take bone
-    directions and lengths from it. Missing samples are NaN.
+    `rest_offset` is each joint's offset in its parent's frame at rest, from which skeleton maps get bone directions and
+    lengths. Missing samples are NaN.
     """
 
     format: str
@@ -217,13 +218,13 @@ class RawMotion:
     poses: Poses
     """World poses of the joints."""
     fps: float | None
-    """Frames per second as the file declares [Hz]; None where it does not."""
+    """Frames per second as the file declares [Hz]; None if it does not."""
     assumed_fps: float | None = None
     """Known rate of recordings of this kind [Hz], used when neither the file nor a statement gives one."""
     rate_by_velocity: VelocityRate | None = None
     """Rate inferred from the file's own velocities."""
     rate_fault: FileError | None = None
-    """What is wrong with the rate that the file declares; raised where no other rate is stated."""
+    """Error in the declared rate; raised if no other rate is stated."""
     files: tuple[Path, ...]
     """The files that were read, the motion itself first."""
     unit: str | None = None
@@ -231,7 +232,7 @@ class RawMotion:
     tips: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """End of a joint's last bone in the joint's frame (a BVH's End Site), for joints that have one."""
     frame_turn: Float[np.ndarray, " 4"] | None = None
-    """Rotation wxyz that takes every joint's frame to the one that the map speaks of; None for none."""
+    """Rotation wxyz from every joint's frame to the map's joint frame; None for no rotation."""
     notes: tuple[Reason, ...] = ()
 
     @property
@@ -255,7 +256,7 @@ class RawMotion:
         return self.world(self.joint_names)[1]
 
     def offset_between(self, ancestor: str, joint: str) -> Float[np.ndarray, " 3"]:
-        """Rest offset from `ancestor` to `joint` in the ancestor's frame. Raises KeyError for no ancestor."""
+        """Rest offset from `ancestor` to `joint` in the ancestor's frame. Raises KeyError if it is not an ancestor."""
         index, top = self.joint_names.index(joint), self.joint_names.index(ancestor)
         total = np.zeros(3)
         while index != top:
@@ -290,7 +291,7 @@ class RawMotion:
 
 
 NORM_MIN, NORM_MAX = 0.99, 1.01
-"""Norms beyond these are no rounding: the numbers are not unit quaternions."""
+"""Range of norms of unit quaternions with rounding."""
 
 
 def check_unit(path: Path, quat: np.ndarray, what: str, first: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""One motion file of any known format as a clip, with how it was understood.
+"""Read one motion file of any known format as a clip, with the detected properties of the file.
 
 Pickles (`.pkl`) and files of `torch.save` (`.pt`) are named arrays: one motion, in however many dictionaries.
 """
@@ -38,7 +38,7 @@ from pipeline.readers.velocity_rate import checked_rate, declared_rate
 
 @dataclass(frozen=True, kw_only=True)
 class ReadMotion:
-    """A clip from a file, and what the reader found out about the file."""
+    """A clip from a file, and the detected properties of the file."""
 
     clip: HumanClip | RobotClip
     format: str
@@ -53,16 +53,16 @@ class ReadMotion:
     up_axis: str
     """The file's axis that points up."""
     files: tuple[Path, ...]
-    """Every file that was read: the motion, then what belongs to it."""
+    """All files that were read: the motion first, then files that belong to it."""
     notes: tuple[Reason, ...]
-    """What a reader of the data should know; the effect `rejected` keeps the clip from going on."""
+    """Notes on the file; one with the effect `rejected` rejects the clip."""
 
 
 def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) -> ReadMotion:
-    """The motion in a file as the clip `name`.
+    """Read the motion in a file as the clip `name`.
 
-    Raises FileError with a sentence for what can't be read, AmbiguousFileError for a unit, axis or rate that the file
-    does not give; its text says how to state it.
+    Raises FileError for an unreadable file, AmbiguousFileError for a unit, axis or rate that is neither in the file nor
+    stated; its text explains how to state it.
     """
     refuse_pointer(path)
     reader = _READERS.get(path.suffix.lower())
@@ -104,7 +104,7 @@ def _assumed(motion: RawMotion, statement: Statement) -> tuple[Reason, ...]:
 
 
 def _of_arrays(arrays: ArrayFile, statement: Statement) -> RawMotion | RobotMotion:
-    """The motion in named arrays, whatever the file they are in."""
+    """The motion in named arrays of any file format."""
     if is_gmr(arrays):
         return read_gmr(arrays)
     if is_smpl(arrays):
@@ -125,27 +125,27 @@ def _of_arrays(arrays: ArrayFile, statement: Statement) -> RawMotion | RobotMoti
 
 
 MAX_DEPTH = 4
-"""Dictionaries in each other that are looked through."""
+"""Most levels of nested dictionaries that are searched."""
 
 MAX_LIST = 10_000
-"""Entries of a list that is taken for an array."""
+"""Most entries of a list that is converted to an array."""
 
 GLOBAL = "smpl_params_global"
-"""Where GVHMR puts the motion in the world's frame."""
+"""Key of GVHMR's motion in the world frame."""
 
 GVHMR_RATE_HZ = 30.0
-"""Rate at which GVHMR works; its results name none."""
+"""Rate of GVHMR's results, which do not state it [Hz]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadedArrays(ArrayFile):
-    """Arrays that were loaded."""
+    """Named arrays in memory."""
 
     path: Path
     shapes: Mapping[str, tuple[int, ...]]
     values: Mapping[str, np.ndarray]
     assumed_fps: float | None = None
-    """The rate of the program that writes such files [Hz]."""
+    """Known rate of the program that writes such files [Hz]."""
 
     def stored(self, name: str) -> np.ndarray:
         """One array as it was loaded. Raises FileError when it is missing."""
@@ -155,7 +155,7 @@ class LoadedArrays(ArrayFile):
 
 
 def open_loaded(path: Path, load: Callable[[Path], Any]) -> LoadedArrays:
-    """The one motion in a file that `load_pickle` or `load_torch` reads. Raises FileError, or OSError of the disk."""
+    """The motion in a file that `load_pickle` or `load_torch` reads. Raises FileError, or OSError on disk errors."""
     value, assumed = load(path), None
     for _ in range(MAX_DEPTH):
         if not isinstance(value, dict):
@@ -176,7 +176,7 @@ def open_loaded(path: Path, load: Callable[[Path], Any]) -> LoadedArrays:
 
 
 def _array(value: Any) -> np.ndarray | None:
-    """A value as an array; None for what is none."""
+    """A value as an array; None if it can't be converted."""
     if isinstance(value, PickledArray):
         return value.value
     if isinstance(value, np.ndarray):
@@ -210,5 +210,5 @@ SUFFIXES = tuple(_READERS)
 
 
 def may_be_of_a_robot(path: Path) -> bool:
-    """Whether a file of this kind may hold a robot's motion, which is read with what the folders of robots say."""
+    """Whether a file of this kind may contain a robot's motion, whose result depends on the folders of robots."""
     return path.suffix.lower() in {".csv", ".mcap", ".npz", ".pkl", ".pt"}

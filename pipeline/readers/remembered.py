@@ -1,8 +1,8 @@
-"""Sources that a run has used, recorded in the store: none of them disappears because a shell lacks a variable.
+"""Record of the sources used by runs, so that none is lost because an environment variable is not set.
 
-A folder that was named by `BOOSTER_LAB_MOTIONS` once stays a source until `booster-lab sources forget` removes it. A
-source of `data/sources.yaml` that is no longer named, a folder that is gone and one that lost all of its files are
-errors, which name what would leave the database.
+A folder that was named once by `BOOSTER_LAB_MOTIONS` stays a source until `booster-lab sources forget` removes it. A
+source removed from `data/sources.yaml`, a missing folder and a folder that lost all its files are errors, which list
+what would be removed from the database.
 """
 
 import json
@@ -23,23 +23,23 @@ VARIABLE = "BOOSTER_LAB_MOTIONS"
 
 @dataclass(frozen=True, kw_only=True)
 class RememberedSource:
-    """A source as a run used it last."""
+    """A source at its last use."""
 
     name: str
     folder: str
     """Absolute path, links resolved."""
     named_in: Annotated[str, OneOf((FILE, VARIABLE))]
     files: Annotated[int, NOT_NEGATIVE]
-    """Motion files that it held."""
+    """Number of its motion files."""
 
     def text(self) -> str:
-        """The source in half a sentence."""
+        """The source as a clause of a message."""
         return f"source '{self.name}' ({self.folder}, {self.files} motion files, named in {self.named_in})"
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Record:
-    """What is recorded, as `settings.parse` checks it."""
+    """Content of the record file, checked by `settings.parse`."""
 
     sources: tuple[RememberedSource, ...]
 
@@ -49,11 +49,11 @@ class SourcesInUse:
     """The sources of a run, in the order in which they are read."""
 
     stated: tuple[Source, ...]
-    """Of `data/sources.yaml`."""
+    """Sources in `data/sources.yaml`."""
     environment: tuple[Source, ...]
-    """Of `BOOSTER_LAB_MOTIONS` as it is now."""
+    """Sources currently named by `BOOSTER_LAB_MOTIONS`."""
     remembered: tuple[Source, ...]
-    """Named by the variable in an earlier run and not in this one."""
+    """Sources named by the variable only in an earlier run."""
 
     @property
     def all(self) -> tuple[Source, ...]:
@@ -61,7 +61,7 @@ class SourcesInUse:
 
 
 class SourceLostError(PipelineError):
-    """Sources that earlier runs used are not there any more; running on would take their clips out of the database."""
+    """Raised if sources of earlier runs are missing, since their clips would be removed from the database."""
 
     def __init__(self, memory: Path, lost: Sequence[tuple[RememberedSource, str]]):
         listed = "; ".join(f"{source.text()} {why}" for source, why in lost)
@@ -74,10 +74,10 @@ class SourceLostError(PipelineError):
 
 
 def sources_in_use(file: Path, variable: str, memory: Path, *, only_there: bool = False) -> SourcesInUse:
-    """The sources that are named now (`data/sources.yaml`, `BOOSTER_LAB_MOTIONS`) and those that the store remembers.
+    """Current sources (`data/sources.yaml`, `BOOSTER_LAB_MOTIONS`) and those recorded in the store.
 
-    Raises SettingsError, FileError (a folder of the variable is not there), SourceLostError (a remembered one is not).
-    With `only_there`, for what is said of one file, stated and remembered sources without a folder are left out.
+    Raises SettingsError, FileError (a folder of the variable is missing), SourceLostError (a recorded folder is
+    missing). With `only_there`, used for single files, stated and recorded sources without a folder are left out.
     """
     known = read_remembered(memory)
     stated = read_sources(file, only_there=only_there)
@@ -95,9 +95,9 @@ def sources_in_use(file: Path, variable: str, memory: Path, *, only_there: bool 
 
 
 def check_sources(memory: Path, sources: SourcesInUse, files: Mapping[str, int]) -> None:
-    """Raise SourceLostError where a remembered source is not in use or has lost all its files (their number by name).
+    """Raise SourceLostError if a recorded source is not in use or has lost all its files.
 
-    A source of `data/sources.yaml` is the same one as long as its name or its folder is.
+    `files` is the number of files by source name. A source of `data/sources.yaml` is identified by its name or folder.
     """
     by_folder = {str(source.folder.resolve()): source.name for source in sources.all}
     stated = {source.name for source in sources.stated}
@@ -114,7 +114,7 @@ def check_sources(memory: Path, sources: SourcesInUse, files: Mapping[str, int])
 
 
 def read_remembered(memory: Path) -> tuple[RememberedSource, ...]:
-    """The sources that runs used, by name; none where nothing was recorded. Raises FileError for a damaged record."""
+    """Recorded sources, sorted by name; empty without a record. Raises FileError for a damaged record."""
     record = "the record of the sources in use can't be read"
     try:
         if not memory.is_file():
@@ -139,7 +139,7 @@ def remember(memory: Path, sources: SourcesInUse, files: Mapping[str, int]) -> N
 
 
 def forget(memory: Path, names: Sequence[str]) -> tuple[RememberedSource, ...]:
-    """Take sources out of the record; what was recorded of them. Raises UnknownNameError."""
+    """Remove sources from the record and return them. Raises UnknownNameError."""
     known = read_remembered(memory)
     for name in names:
         if name not in {each.name for each in known}:

@@ -1,7 +1,7 @@
-"""Pickles from strangers: NumPy arrays, tensors and plain containers, and nothing else is ever made.
+"""Restricted reader of untrusted pickles: only NumPy arrays, tensors and plain containers are created.
 
-A pickle is a program that names functions to call. Here every name is looked up in a short list of stand-ins that hold
-data and call nothing; any other name ends the reading. Files of `pickle.dump`, of joblib (arrays in the stream, zlib or
+A pickle is a program that calls named functions. Here, names are looked up in a short list of placeholder classes that
+only hold data; any other name raises an error. Files of `pickle.dump`, of joblib (arrays in the stream, zlib or
 not) and of `torch.save` are read without joblib and without torch.
 """
 
@@ -27,7 +27,7 @@ from pipeline.files.npz import check_sizes, reported_damage
 from pipeline.readers.text_file import MAX_BYTES, check_size
 
 MAX_RATIO = 20
-"""How far a compressed pickle may inflate."""
+"""Largest compression ratio of a pickle."""
 
 _DTYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,4})")
 _TORCH_TYPES = {
@@ -44,12 +44,12 @@ _TORCH_TYPES = {
 
 
 class NotAllowedError(Exception):
-    """A pickle names something that is not plain data."""
+    """Raised for a pickle that contains anything but plain data."""
 
 
 @dataclass
 class PickledType:
-    """Stands for a `numpy.dtype`."""
+    """Placeholder for a `numpy.dtype`."""
 
     code: str
     order: str = "<"
@@ -59,27 +59,27 @@ class PickledType:
 
     @property
     def dtype(self) -> np.dtype:
-        """The type. Raises NotAllowedError for types of objects and structures."""
+        """The dtype. Raises NotAllowedError for object and structured types."""
         if not _DTYPE.fullmatch(self.code):
             raise NotAllowedError(f"arrays of type '{self.code[:20]}'")
         return np.dtype(self.code if self.code[0] in "<>|=" else f"{self.order}{self.code}")
 
 
 class PickledArray:
-    """Stands for a NumPy array; `value` once it was filled."""
+    """Placeholder for a NumPy array; `value` is set when it is filled."""
 
     value: np.ndarray | None = None
 
     def __setstate__(self, state: Any) -> None:
         _, shape, kind, fortran, raw = state
         if isinstance(raw, list):
-            return  # an array of objects, which stays empty
+            return  # object arrays stay empty
         data = raw.encode("latin-1") if isinstance(raw, str) else bytes(raw)
         self.value = _filled(data, kind, shape, "F" if fortran else "C")
 
 
 class JoblibArray:
-    """Stands for joblib's `NumpyArrayWrapper`: the array's bytes come next in the stream."""
+    """Placeholder for joblib's `NumpyArrayWrapper`, followed by the array's bytes in the stream."""
 
     shape: tuple = ()
     order: str = "C"
@@ -122,7 +122,7 @@ def _encoded(text: str, encoding: str) -> bytes:
 
 
 def _tensor(storage: np.ndarray, offset: int, size: tuple, stride: tuple, *_: Any) -> PickledArray:
-    """A tensor over a storage; every element that its strides reach has to be in it."""
+    """A tensor view of a storage; all elements must be within the storage."""
     if len(size) != len(stride) or min((*size, *stride, offset), default=0) < 0:
         raise ValueError("a tensor with negative sizes")
     last = offset + sum((length - 1) * step for length, step in zip(size, stride, strict=True))
@@ -160,7 +160,7 @@ _ALLOWED: dict[tuple[str, str], Callable[..., Any]] = {
 }
 
 
-class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in Python, whose opcodes can be replaced
+class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # pure Python, so that opcodes can be replaced
     """Reads plain data from a stream in memory."""
 
     dispatch: ClassVar[dict[int, Any]] = dict(pickle._Unpickler.dispatch)  # type: ignore[attr-defined]
@@ -170,7 +170,7 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in
         self._stream, self._storage = stream, storage
 
     def find_class(self, module: str, name: str) -> Any:
-        """A stand-in. Raises NotAllowedError for all else."""
+        """Look up a placeholder. Raises NotAllowedError for any other name."""
         found = _ALLOWED.get((module, name))
         if found is not None:
             return found
@@ -185,7 +185,7 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in
         return self._storage(str(pid[2]), str(pid[1]))
 
     def load_build(self) -> None:
-        """Fill a stand-in; joblib's is replaced by the array that follows it."""
+        """Fill a placeholder; joblib's is replaced by the array that follows it."""
         if not isinstance(self.stack[-2], (PickledArray, PickledType, JoblibArray)):
             raise NotAllowedError("the state of an object")
         pickle._Unpickler.load_build(self)  # type: ignore[attr-defined]
@@ -195,7 +195,7 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in
     dispatch[pickle.BUILD[0]] = load_build
 
     def load_bytearray8(self) -> None:
-        """A bytearray; the stream reads no more than it has, before memory is taken."""
+        """Load a bytearray; the read is limited to the stream's length before memory is allocated."""
         (length,) = struct.unpack("<Q", self.read(8))
         self.append(bytearray(self.read(length)))
 
@@ -203,7 +203,7 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in
 
 
 class _Bytes(BytesIO):
-    """A stream whose reads are no longer than it is, whatever the pickle claims."""
+    """A stream that limits reads to its own length, whatever the pickle claims."""
 
     def read(self, size: int | None = -1) -> bytes:
         if size is not None and size > self.getbuffer().nbytes - self.tell():
@@ -212,7 +212,7 @@ class _Bytes(BytesIO):
 
 
 def load_pickle(path: Path) -> Any:
-    """The plain data in a pickle. Raises FileError where it names anything else or is damaged; OSError of the disk."""
+    """Load plain data from a pickle. Raises FileError for other content or damage, OSError on disk errors."""
     check_size(path)
     data = path.read_bytes()
     with _refused(path, converter(path)), reported_damage(path, "a pickle"):
@@ -233,7 +233,7 @@ def _refused(path: Path, do: str) -> Iterator[None]:
 
 
 def load_torch(path: Path) -> Any:
-    """The tensors and plain containers in a file of `torch.save`. Raises FileError, or OSError of the disk."""
+    """Load tensors and plain containers from a file of `torch.save`. Raises FileError, or OSError on disk errors."""
     check_size(path)
     tensors = "Save the tensors alone: torch.save({name: tensor, ...}, FILE)."
     older = "Files of torch before 1.6 are not read; save it again."
@@ -257,10 +257,10 @@ def load_torch(path: Path) -> Any:
 
 
 def converter(path: Path) -> str:
-    """How a person who trusts a pickle or a file of joblib makes an archive of it.
+    """Command with which the user converts a trusted pickle or joblib file to an npz archive.
 
-    A dictionary of one entry is taken for a name around the motion. An entry that is no array ends the command, since
-    an archive would pickle it. Names are quoted: a file's name is a stranger's text.
+    A dictionary with one entry is unwrapped. An entry that is not an array aborts the command, since an archive would
+    pickle it. Names are quoted, because file names are untrusted text.
     """
     names = f"{shlex.quote(path.name)} {shlex.quote(path.stem + '.npz')}"
     code = (

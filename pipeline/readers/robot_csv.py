@@ -1,7 +1,7 @@
 """Robot trajectories as CSV: root xyz, root quaternion and joints [rad].
 
-With a header (as `booster-lab retarget` writes) columns are found by name; without one (as booster_assets and the
-retargeted LAFAN1 set publish) the root is first, its quaternion xyzw (wxyz is inferred from the kinematics). The rate
+With a header (`booster-lab retarget`) columns are found by name; without one (booster_assets, the retargeted LAFAN1
+set) the root is first, its quaternion xyzw (wxyz is inferred from the kinematics). The rate
 is stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml. `# robot: k1` decides between robots
 with the same joints.
 """
@@ -19,19 +19,19 @@ from pipeline.readers.text_file import open_text, read_table, to_float
 from pipeline.readers.velocity_rate import STANDARD_HZ, STATE_RATE
 
 ROOT = 7
-"""Columns of the root, the first ones where the file has no header."""
+"""Number of root columns, which are the first ones in a file without header."""
 POSITION = ("root_x", "root_y", "root_z")
 QUATERNION = ("quat_w", "quat_x", "quat_y", "quat_z")
 TIME = "time_s"
-"""Column of times, from the first frame on or since 1970."""
+"""Column of times, relative to the first frame or since 1970."""
 MOST_COMMENTS = 1000
-"""Lines of comments that are searched for the rate."""
+"""Most comment lines that are searched for the rate."""
 MAX_RATE_ERROR = 0.02
 """Largest deviation of the stated rate from that of the times, as a share of it."""
 
 
 def read_robot_csv(path: Path) -> RobotMotion:
-    """A robot's motion. Raises FileError with the line."""
+    """Read a robot's motion. Raises FileError with the line."""
     text = open_text(path)
     comments: list[str] = []
     lines = enumerate(_without_comments(text.lines(), comments), start=1)
@@ -80,7 +80,7 @@ def read_robot_csv(path: Path) -> RobotMotion:
 
 
 def _without_comments(lines: Iterator[str], comments: list[str]) -> Iterator[str]:
-    """The lines, blank ones in place of comments, which are put into a list."""
+    """Replace comments by blank lines and collect them in `comments`."""
     for line in lines:
         is_comment = line.lstrip().startswith("#")
         if is_comment and len(comments) < MOST_COMMENTS:
@@ -97,7 +97,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> tuple[float | None, FileError | None]:
-    """The rate [Hz] of a comment, or that of the times, which have to agree; or why there is none."""
+    """The rate [Hz] from a comment or the times, which must agree; or the error."""
     timed = _timed_rate(time_s)
     if timed is None:
         return None, FileError(path, f"the times in '{TIME}' do not increase in even steps.", STATE_RATE)
@@ -108,7 +108,7 @@ def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> tuple[floa
 
 
 def _timed_rate(time_s: np.ndarray) -> float | None:
-    """The rate [Hz] of times in even steps, without the rounding of printed times; None where steps are uneven."""
+    """The rate [Hz] of evenly spaced times, corrected for rounding of printed times; None if the steps are uneven."""
     step_s = np.diff(time_s)
     if not len(step_s) or not np.isfinite(step_s).all() or step_s.min() <= 0.0:
         return None

@@ -1,9 +1,8 @@
-"""A robot's log (MCAP, as the robot and the virtual robot write it) as a robot motion.
+"""Read a robot's log (MCAP, of the robot or the virtual robot) as a robot motion.
 
-A log has joints and the trunk's attitude, but no position: the odometer is planar and biased. The root is therefore
-placed by leg odometry: the lowest corner of the soles is on the ground and stays where it is from one frame to the
-next. This holds for standing and walking; in the flight phase of a run the lowest corner moves, and the path is too
-short there.
+A log has joints and the trunk's attitude, but no position: the odometer is planar and biased. The root position is
+therefore computed by leg odometry: the lowest sole corner is on the ground and does not move between frames. This holds
+for standing and walking; in the flight phase of a run the lowest corner moves, so the path is too short there.
 """
 
 from pathlib import Path
@@ -22,11 +21,11 @@ from pipeline.robot import Kinematics, Robot
 SETTINGS = Path(__file__).resolve().parents[2] / "data" / "hardware_logs.yaml"
 
 RATE_HZ = 50.0
-"""Samples of a log (500 Hz) are thinned to about this rate, that of the database."""
+"""Rate to which the samples of a log (500 Hz) are decimated, about the rate of the database [Hz]."""
 
 
 def read_robot_log(path: Path) -> RobotMotion:
-    """The longest stretch of a log in which the robot is up and nothing is missing. Raises FileError."""
+    """Read the longest stretch of a log without falls and missing samples. Raises FileError."""
     trials = read_log(path, robots(), settings.read(SETTINGS, LogSettings))
     stretches = [(trial, start, stop) for trial in trials for start, stop in time_series.runs(_usable(trial))]
     if not stretches:
@@ -41,7 +40,7 @@ def read_robot_log(path: Path) -> RobotMotion:
         f"recorded without a gap; its path is from leg odometry, and the log is of a "
         f"{'simulated' if trial.simulated else 'real'} robot."
     )
-    heard = dict.fromkeys(note for each in trials for note in each.notes)
+    notes = dict.fromkeys(note for each in trials for note in each.notes)
     step = max(round(trial.rate_hz / RATE_HZ), 1)
     frames = slice(start, stop, step)
     joint_pos = trial.joint_pos[frames]
@@ -58,7 +57,7 @@ def read_robot_log(path: Path) -> RobotMotion:
         fps=trial.rate_hz / step,
         notes=(
             Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s"),
-            *(Reason(code="log_note", text=note, effect="noted") for note in heard),
+            *(Reason(code="log_note", text=note, effect="noted") for note in notes),
         ),
     )
 
@@ -68,7 +67,7 @@ def root_poses(
 ) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 4"]]:
     """Positions [m] and orientations wxyz of the root, from its roll, pitch and yaw [rad].
 
-    Leg odometry, from the origin on: the lowest sole corner is on the ground and does not slide.
+    Leg odometry from the origin: the lowest sole corner is on the ground and does not slide.
     """
     roll, pitch, yaw = rpy.T
     root_quat_w = rotation.from_euler([(2, yaw), (1, pitch), (0, roll)])

@@ -1,8 +1,8 @@
-"""What the robot readers share: which robot a file is of, and its clip from checked columns.
+"""Shared code of the robot readers: identify the robot of a file, and make its clip from checked columns.
 
-Files leave open the order of joints without names and of the root's quaternion (wxyz or xyzw). Joints are in the
-robot's own order, or breadth first as Isaac Lab writes them. Where an archive holds positions of bodies they prove it:
-every link has to be where our kinematics puts it; elsewhere `quaternion_order.py` infers the quaternion's order.
+Files may not state the order of unnamed joints and of the root's quaternion (wxyz or xyzw). Joints are in the robot's
+own order, or breadth-first as in Isaac Lab. If an archive has positions of bodies, these verify the orders by forward
+kinematics; otherwise `quaternion_order.py` infers the quaternion's order.
 """
 
 import functools
@@ -25,39 +25,39 @@ from pipeline.robot import Kinematics, Robot, load_robot
 from pipeline.robot.load import ROBOTS
 
 MAX_ANGLE = 2.0 * np.pi
-"""No joint of a humanoid turns further [rad]; more means degrees."""
+"""Largest plausible joint angle of a humanoid [rad]; larger ones are in degrees."""
 LIMIT_MARGIN = 0.3
-"""A joint this far beyond its limits [rad] shows another joint's angle, or another robot's."""
+"""Violation of a joint limit [rad] above which the angle is another joint's or robot's."""
 BEYOND = 0.1
-"""Share of the frames in which a joint without a name may be beyond its limits."""
+"""Largest share of frames in which an unnamed joint may be beyond its limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotMotion:
-    """A robot's motion as a file stores it. T frames, J joints in the file's order."""
+    """A robot's motion as stored in a file: t frames, j joints in the file's order."""
 
     format: str
     path: Path
     root_pos_w: Float[np.ndarray, "t 3"]
     """[m]"""
     root_quat: Float[np.ndarray, "t 4"]
-    """In the order `quat_order`."""
+    """Root orientation in the order `quat_order`."""
     quat_order: str = "wxyz"
-    """`wxyz` or `xyzw`; where it is not certain the one that is usual for the format."""
+    """`wxyz` or `xyzw`; if not certain, the usual order of the format."""
     order_is_certain: bool = True
-    """The file names the quaternion's columns, or the format leaves no choice."""
+    """Whether the file names the quaternion's columns, or the format defines their order."""
     joint_pos: Float[np.ndarray, "t j"]
     """[rad]"""
     joint_names: tuple[str, ...] | None
-    """Names of the columns of `joint_pos`; None where the file has none."""
+    """Names of the columns of `joint_pos`; None if the file has none."""
     robot: str = ""
-    """The robot that the file states, which decides between robots with the same joints; empty where it states none."""
+    """Robot stated by the file, which distinguishes robots with the same joints; empty if not stated."""
     fps: float | None
-    """As the file declares [Hz]."""
+    """Frames per second as declared by the file [Hz]."""
     rate_fault: FileError | None = None
-    """What is wrong with the file's own rate, where it has none that can be one."""
+    """Error in the file's rate, if it has no valid one."""
     body_pos_w: Float[np.ndarray, "t b 3"] | None = None
-    """World positions of bodies in any order [m], to check the joints' order with."""
+    """World positions of bodies in any order [m], to check the joints' order."""
     rate_by_velocity: VelocityRate | None = None
     """Rate inferred from the file's own velocities."""
     notes: tuple[Reason, ...] = ()
@@ -65,17 +65,17 @@ class RobotMotion:
 
 @functools.cache
 def robots() -> tuple[Robot, ...]:
-    """Every robot of the project."""
+    """All robots of the project."""
     return tuple(load_robot(folder.name) for folder in sorted(ROBOTS.iterdir()) if (folder / "robot.toml").is_file())
 
 
 def to_robot_clip(
     motion: RobotMotion, name: str, fps: float | None, statement: Statement = NOTHING_STATED
 ) -> tuple[RobotClip, tuple[Reason, ...]]:
-    """The clip, joints in the robot's order, and what was found out about the file's orders.
+    """The clip with joints in the robot's order, and notes on the inferred orders.
 
-    `fps` may be wrong by a factor where the file's is; None raises AmbiguousFileError once the robot is known. Raises
-    FileError, AmbiguousFileError for joints and quaternions whose order can't be inferred.
+    None for `fps` raises AmbiguousFileError once the robot is known. Raises FileError, and AmbiguousFileError for
+    joints and quaternions whose order can't be inferred.
     """
     path = motion.path
     robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names, motion.robot)
@@ -100,11 +100,11 @@ def to_robot_clip(
 
 
 def robot_of(path: Path, count: int, names: tuple[str, ...] | None, stated: str = "") -> tuple[Robot, list[int]]:
-    """The robot with so many joints, or with joints of these names in one of its namings, and where in the file each of
-    its joints is.
+    """The robot with this number of joints, or with these joint names in one of its namings, and the column of each of
+    its joints.
 
-    Raises FileError for another robot's file, AmbiguousFileError where the joints fit several robots and the file does
-    not state one of them.
+    Raises FileError for the file of another robot, AmbiguousFileError if the joints match several robots and the file
+    states none of them.
     """
     known = ", ".join(f"{robot.name} ({len(robot.joint_names)})" for robot in robots())
     if names is None:
@@ -138,7 +138,7 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None, stated: str 
 
 
 def _stated_one(path: Path, fitting: list[Robot], stated: str, what: str, do: str) -> Robot:
-    """The only robot, or the one that the file states. Raises AmbiguousFileError."""
+    """The only robot, or the one stated by the file. Raises AmbiguousFileError."""
     for robot in fitting:
         if len(fitting) == 1 or robot.name == stated:
             return robot
@@ -149,7 +149,7 @@ def _stated_one(path: Path, fitting: list[Robot], stated: str, what: str, do: st
 def _quaternion_order(
     motion: RobotMotion, robot: Robot, columns: list[int], fps: float, statement: Statement
 ) -> tuple[str, tuple[Reason, ...]]:
-    """The order of the root's quaternion: stated, certain, or inferred with a note where it is unusual."""
+    """The order of the root's quaternion: stated, certain, or inferred with a note if it is unusual."""
     stated = _stated_order(motion.path, statement)
     if stated is not None:
         return stated, ()
@@ -181,7 +181,7 @@ def _stated_order(path: Path, statement: Statement) -> str | None:
 
 
 def _check_limits(motion: RobotMotion, robot: Robot, columns: list[int]) -> None:
-    """Raises AmbiguousFileError for joints without names that are not the robot's in its order."""
+    """Raise AmbiguousFileError for unnamed joints whose angles contradict the robot's order."""
     if motion.joint_names is not None:
         return
     joint_pos = motion.joint_pos[:, columns]
@@ -208,7 +208,8 @@ OTHER_QUATERNION = (
 def _proved_orders(
     motion: RobotMotion, robot: Robot, columns: list[int], statement: Statement
 ) -> tuple[str, list[int], tuple[Reason, ...]]:
-    """The orders of quaternion and joints with which every link is where the file has a body. Raises FileError."""
+    """The orders of quaternion and joints for which forward kinematics agrees with the file's bodies. Raises
+    FileError."""
     named, bodies, path = motion.joint_names is not None, motion.body_pos_w, motion.path
     assert bodies is not None
     stated = _stated_order(path, statement)
@@ -235,10 +236,10 @@ def _proved_orders(
 
 
 MAX_LINK_ERROR = 0.05
-"""How far the links of our model may lie from the file's bodies [m], median over frames."""
+"""Largest distance of our model's links to the file's bodies [m], median over frames."""
 
 FRAMES = 20
-"""Frames that are compared, evenly over the motion."""
+"""Number of frames that are compared, evenly spaced."""
 
 
 def link_errors(
@@ -248,7 +249,7 @@ def link_errors(
     joint_pos: Float[np.ndarray, "t j"],
     body_pos_w: Float[np.ndarray, "t b 3"],
 ) -> Float[np.ndarray, " l"] | None:
-    """Distance of each of our links to the file's nearest body [m], median over complete frames; None without any."""
+    """Distance of each link to the file's nearest body [m], median over complete frames; None without such frames."""
     count = len(root_pos_w)
     arrays = (root_pos_w, root_quat_w, joint_pos, body_pos_w.reshape(count, -1))
     complete = np.flatnonzero(np.isfinite(np.concatenate(arrays, axis=1)).all(axis=1))

@@ -25,7 +25,7 @@ from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities, sur
 
 
 def is_robot(header: ArrayFile) -> bool:
-    """An archive with a robot's joints."""
+    """Whether an archive has a robot's joints."""
     return header.has("qpos") or header.has("joint_pos")
 
 
@@ -38,7 +38,7 @@ def _read_qpos(header: ArrayFile) -> RobotMotion:
     qpos = header.numbers("qpos", None, None)
     names = header.optional_texts("joint_names")
     if names is not None and len(names) == qpos.shape[1] - 6:
-        names = names[1:]  # the free joint comes first
+        names = names[1:]  # without the free joint
     header.refuse_other_length("qvel", "qpos", len(qpos))
     rate = None
     if header.shapes.get("qvel") == (len(qpos), qpos.shape[1] - 1):
@@ -49,7 +49,7 @@ def _read_qpos(header: ArrayFile) -> RobotMotion:
         path=header.path,
         root_pos_w=qpos[:, :3],
         root_quat=qpos[:, 3:7],
-        order_is_certain=False,  # MuJoCo has wxyz, and archives made from others' data have xyzw
+        order_is_certain=False,  # MuJoCo uses wxyz, but converted archives may have xyzw
         joint_pos=qpos[:, 7:],
         joint_names=names,
         fps=header.optional_number("fps", "frequency"),
@@ -101,7 +101,7 @@ def _root_index(arrays: ArrayFile, bodies: tuple[str, ...], joints: tuple[str, .
 
 
 def _bodies(header: ArrayFile, key: str, frames: int) -> Float[np.ndarray, "t b 3"] | None:
-    """World positions of all bodies, where the archive has them."""
+    """World positions of all bodies, if the archive has them."""
     if len(header.shapes.get(key, ())) != 3:
         return None
     return header.numbers(key, frames, None, 3)
@@ -118,7 +118,7 @@ def _rate(arrays: ArrayFile, than: str, positions: Mapping[str, np.ndarray | Non
 
 
 def is_robot_amp(arrays: ArrayFile) -> bool:
-    """An AMP archive of Isaac Lab that is not of its humanoid."""
+    """Whether an archive is Isaac Lab AMP data of a robot, not of its humanoid."""
     wanted = ("dof_names", "dof_positions", "body_names", "body_positions", "body_rotations")
     return arrays.has(*wanted) and not set(HUMANOID) <= set(arrays.texts("body_names"))
 
@@ -150,7 +150,7 @@ NAMES = ("dof_names", "joint_names")
 
 
 def is_gmr(arrays: ArrayFile) -> bool:
-    """Arrays of a robot as GMR or ASAP name them."""
+    """Whether arrays have the robot format of GMR or ASAP."""
     return arrays.has("root_rot") and arrays.first(*POSITIONS) is not None and arrays.first(*JOINTS) is not None
 
 

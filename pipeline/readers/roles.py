@@ -1,12 +1,12 @@
-"""Which joint of a skeleton is which canonical body, found from its names and its tree together.
+"""Assign a skeleton's joints to canonical bodies, from their names and the tree.
 
 The alias lists cover the names that Mixamo, Rokoko, Xsens and MotionBuilder, Nokov, OptiTrack Motive, Perception
 Neuron, SOMA and Kimodo, 100STYLE, CMU, LAFAN1, Unreal, 3ds Max's Biped, VRM and Rigify give to joints.
 
-Axes of the bodies are measured from a skeleton's rest pose, whatever it is: a T, an A, hanging or forward arms. In the
-rest pose all joints' frames are parallel. Up is from the hips to the head, left from the right hip to the left one; a
-limb's axis is its bone, and its other axes are those that a person's limb has who moves it there from a stance with
-hanging arms: an arm that is raised to the side keeps its forward axis, one that is raised ahead its left axis.
+The axes of the bodies are measured from a skeleton's rest pose: T-pose, A-pose, hanging or forward arms. In the rest
+pose all joints' frames are parallel. Up is from the hips to the head, left from the right hip to the left one. A limb's
+axis is its bone; its other axes follow from moving the limb there from hanging arms: an arm that is raised sideways
+keeps its forward axis, one that is raised forward its left axis.
 """
 
 import itertools
@@ -32,18 +32,18 @@ TOE = ("toebase", "toe", "toes", "toe0", "ball", "forefoot")
 SHOULDER = ("upperarm", "uparm", "uarm", "humerus", "arm", "shoulder")
 ELBOW = ("forearm", "lowerarm", "lowarm", "farm", "radius", "elbow")
 WRIST = ("hand", "wrist", "palm")
-"""Names of the joint at the upper end of each part of a limb, the surest first. `leg` is the thigh of skeletons that
-call the shank otherwise, `shoulder` the upper arm of skeletons without an arm."""
+"""Names of the joint at the upper end of each part of a limb, the most reliable first. `leg` is the thigh of skeletons
+with another name for the shank, `shoulder` the upper arm of skeletons without an arm."""
 
 LIMBS = {"hip": HIP, "knee": KNEE, "ankle": ANKLE, "toe": TOE, "shoulder": SHOULDER, "elbow": ELBOW, "wrist": WRIST}
 HEADS = ("head", "chead", "spine006")
-"""Of VRM (`C_Head`) and Rigify (`spine.006`) the last two."""
+"""Names of the head; the last two are those of VRM (`C_Head`) and Rigify (`spine.006`)."""
 
 _PARTS = frozenset(alias for aliases in LIMBS.values() for alias in aliases)
 
 
 def shared_prefix(names: Sequence[str]) -> str:
-    """What all joints but a root or two begin with, up to a separator: `mixamorig7:`, `Take_01:`, `Character1_`."""
+    """Prefix of all joints except one or two roots, up to a separator: `mixamorig7:`, `Take_01:`, `Character1_`."""
     for skipped in range(min(3, len(names))):
         kept = names[skipped:]
         common = os.path.commonprefix(kept) if len(kept) > 2 else ""  # noqa: RUF071, by characters
@@ -55,14 +55,14 @@ def shared_prefix(names: Sequence[str]) -> str:
 
 
 def without_prefix(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names without their shared prefix; unchanged where that would make two of them equal."""
+    """The names without their shared prefix; unchanged if that would make two of them equal."""
     prefix = shared_prefix(names)
     bare = tuple(name.removeprefix(prefix) for name in names)
     return bare if len(set(bare)) == len(names) else names
 
 
 def side_and_part(name: str) -> tuple[str, str]:
-    """`left`, `right` or nothing, and the rest of a name in small letters without separators."""
+    """`left`, `right` or empty, and the rest of a name in lower case without separators."""
     words = re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", name)
     flat = "".join(words).lower()
     for side in ("left", "right"):
@@ -81,7 +81,7 @@ def side_and_part(name: str) -> tuple[str, str]:
 
 
 NO_BONE = 1e-6
-"""Joints closer to their parent than this share of the leg are at the same place."""
+"""Share of the leg length below which a joint is at its parent's position."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,11 +93,11 @@ class Roles:
     missing: tuple[str, ...]
     """Bodies for which no joint was found."""
     faults: tuple[str, ...]
-    """Where the tree contradicts the names, as phrases."""
+    """Contradictions between tree and names, as phrases."""
 
     @property
     def complete(self) -> bool:
-        """Every body but toes and wrists has its joint, and the tree agrees."""
+        """Whether every body except toes and wrists has a joint, and the tree agrees."""
         return not self.faults and all(body.endswith(("toe", "wrist")) for body in self.missing)
 
 
@@ -128,7 +128,7 @@ def find_roles(names: Sequence[str], parents: Sequence[int], rest_offset: Float[
 
 
 def _limbs(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]:
-    """Joints of the limbs by name; of several that are named alike the one nearest to the root."""
+    """Joints of the limbs by name; of several with one name the nearest to the root."""
     found: dict[tuple[str, str], int] = {}
     for index in sorted(range(len(names)), key=lambda index: (len(_ancestors(parents, index)), index)):
         side, part = side_and_part(names[index])
@@ -157,7 +157,7 @@ def _upper_end(joints: dict[str, int], found: Mapping[tuple[str, str], int], sid
 
 
 def _means(alias: str, role: str, here: set[str]) -> bool:
-    """`leg` is the thigh where another joint is the shank, and the shank where another is the thigh."""
+    """Whether an alias has this role: `leg` is the thigh if another joint is the shank, and vice versa."""
     if alias != "leg":
         return True
     others = KNEE if role == "hip" else HIP
@@ -172,7 +172,7 @@ def _head(names: Sequence[str], parents: Sequence[int]) -> int | None:
 def _trunk(
     joints: dict[str, int], names: Sequence[str], parents: Sequence[int], rest_offset: Float[np.ndarray, "j 3"]
 ) -> list[str]:
-    """Add spine and neck from the way from pelvis to head; what contradicts them."""
+    """Add spine and neck from the path between pelvis and head; return contradictions."""
     pelvis, chest, head = (joints[body] for body in ("pelvis", "chest", "head"))
     if pelvis == chest:
         return [f"legs and arms hang on the same joint '{names[pelvis]}'"]
@@ -195,7 +195,7 @@ def _between(parents: Sequence[int], top: int, joint: int, without: int) -> list
 
 
 def _ancestors(parents: Sequence[int], joint: int) -> list[int]:
-    """Joints above one, its parent first."""
+    """Ancestors of a joint, its parent first."""
     above = []
     while (joint := parents[joint]) >= 0:
         above.append(joint)
@@ -203,26 +203,26 @@ def _ancestors(parents: Sequence[int], joint: int) -> list[int]:
 
 
 def _common(parents: Sequence[int], joints: Sequence[int]) -> int | None:
-    """The lowest joint that all of `joints` descend from, or are."""
+    """Lowest common ancestor of `joints`, which may be one of them."""
     lines = [[joint, *_ancestors(parents, joint)] for joint in joints]
     return next((joint for joint in lines[0] if all(joint in line for line in lines)), None)
 
 
 NAME = "by_structure"
-"""Name of a map that was measured."""
+"""Name of a measured map."""
 
 UPRIGHT = 0.8
-"""Cosine to the vertical that both legs have in a rest pose in which a person could stand."""
+"""Least cosine of both legs to the vertical in a standing rest pose."""
 SNAP = np.cos(np.deg2rad(15.0))
-"""An axis of the rest pose this close to one of the file's is that one."""
+"""Cosine from which an axis of the rest pose is snapped to an axis of the file."""
 ALONG = np.cos(np.deg2rad(30.0))
-"""An arm this close to the forward axis is raised ahead."""
+"""Cosine to the forward axis from which an arm is raised forward."""
 TOE_FROM_ANKLE = (0.13, 0.0, -0.045)
-"""Ball of the foot from the ankle in the foot's frame [m] where a skeleton has none."""
+"""Offset of the ball of the foot from the ankle in the foot's frame [m], for skeletons without toes."""
 
 
 def standing_axes(motion: RawMotion, roles: Roles) -> Float[np.ndarray, "3 3"] | None:
-    """Columns ahead, left, up of a person in the rest pose; None where no person could stand so."""
+    """Forward, left and up axes (columns) of a person in the rest pose; None if the pose is not standing."""
     place = rest_places(motion)
     hips, ankles = ([place[roles.joints[f"{side}_{part}"]] for side in FEET] for part in ("hip", "ankle"))
     left = hips[0] - hips[1]
@@ -243,7 +243,7 @@ def standing_axes(motion: RawMotion, roles: Roles) -> Float[np.ndarray, "3 3"] |
 
 
 def rest_places(motion: RawMotion) -> Float[np.ndarray, "j 3"]:
-    """Place of every joint in the rest pose, in the file's unit."""
+    """Position of every joint in the rest pose, in the file's unit."""
     place = np.zeros((len(motion.parents), 3))
     for joint, parent in enumerate(motion.parents):
         place[joint] = motion.rest_offset[joint] + (place[parent] if parent >= 0 else 0.0)
@@ -251,9 +251,9 @@ def rest_places(motion: RawMotion) -> Float[np.ndarray, "j 3"]:
 
 
 def measured_map(motion: RawMotion, roles: Roles) -> tuple[SkeletonMap, RawMotion] | None:
-    """A map measured from the rest pose, and the motion with the ends of bones that it needs as joints.
+    """A map measured from the rest pose, and the motion with the bone ends that it needs as joints.
 
-    None where the rest pose is none that a person could stand in, or a hand is missing.
+    None if the rest pose is not standing, or a hand is missing.
     """
     axes = standing_axes(motion, roles)
     if axes is None:
@@ -300,7 +300,7 @@ def _body(body: str, names: dict[str, str], place: dict[str, np.ndarray], axes: 
 def _foot_ahead(
     place: dict[str, np.ndarray], names: dict[str, str], side: str, axes: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, " 3"]:
-    """Where a foot points at rest: ahead, or where its toe is if that is turned out by more than 15 degrees."""
+    """Direction of a foot at rest: forward, or to its toe if that is turned out by more than 15 degrees."""
     ahead, _, up = axes.T
     if f"{side}_toe" not in names:
         return ahead
@@ -320,7 +320,7 @@ def _snapped(direction: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
 
 
 def _text(direction: Float[np.ndarray, " 3"]) -> str:
-    """A direction as a map writes it."""
+    """A direction in the notation of a map."""
     for axis, sign in itertools.product(range(3), (1.0, -1.0)):
         if np.array_equal(direction, sign * np.eye(3)[axis]):
             return f"{'-' if sign < 0 else ''}{'xyz'[axis]}"

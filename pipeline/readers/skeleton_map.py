@@ -1,7 +1,7 @@
-"""Skeleton maps: which joint of a file is which canonical body, and how its axes lie in it.
+"""Skeleton maps: joints of canonical bodies, and the bodies' axes in the joints' frames.
 
-One small YAML file a skeleton in `skeletons/`. A map is found by the joint names of a motion, never
-by its file name: every joint a map names has to be there. See docs/sources.md for how to write one.
+There is one YAML file per skeleton in `skeletons/`. A map is selected by the joint names of a motion, not by its file
+name: all joints in the map must exist. docs/sources.md describes how to write one.
 """
 
 import functools
@@ -22,7 +22,7 @@ FOLDER = Path(__file__).parent / "skeletons"
 
 AXES = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))
 PARALLEL = np.cos(np.deg2rad(3.0))
-"""Two directions of a body this close to one line leave its turn about that line open."""
+"""Cosine from which two directions of a body are parallel, so that they do not determine its axes."""
 CANONICAL = {"ahead": AXES["x"], "left": AXES["y"], "up": AXES["z"], "down": AXES["-z"]}
 
 
@@ -30,9 +30,9 @@ CANONICAL = {"ahead": AXES["x"], "left": AXES["y"], "up": AXES["z"], "down": AXE
 class BodyMap:
     """One canonical body in a skeleton. Two of `ahead`, `left`, `up`, `down` give its axes.
 
-    Each is an axis of the joint's frame (`x`, `-y`, …), three numbers in it (`"0 0.87 -0.5"`), or the name
-    of a joint below it (the direction of that joint at rest). A joint's direction is kept exactly, the
-    other one is made orthogonal to it.
+    Each is an axis of the joint's frame (`x`, `-y`, …), a vector in it (`"0 0.87 -0.5"`), or the name of a joint below
+    it (the direction to that joint at rest). The direction to a joint is kept exactly, the other one is made
+    orthogonal.
     """
 
     joint: str
@@ -41,33 +41,33 @@ class BodyMap:
     up: str | None = None
     down: str | None = None
     pitch_deg: float = 0.0
-    """Turn about the body's left axis that makes an upright person's body level [deg], forward positive."""
+    """Rotation about the body's left axis that levels the body of an upright person [deg], forward positive."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """For a body that the skeleton lacks: its place from `joint`, in the body's own frame [m]."""
+    """For a body that the skeleton lacks: its offset from `joint`, in the body's own frame [m]."""
 
     def directions(self) -> dict[str, str]:
-        """The axes that the map states: canonical direction -> axis or joint."""
+        """Stated axes: canonical direction -> axis or joint."""
         return {name: value for name in CANONICAL if (value := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
 class SkeletonMap:
-    """How one family of skeletons becomes the canonical one."""
+    """Map from one family of skeletons to the canonical one."""
 
     title: str
-    """What this skeleton is, for people."""
+    """Description of the skeleton."""
     bodies: dict[str, BodyMap]
     """Canonical body -> its joint and axes; all 19."""
     name: str = ""
     """Name of the map's file."""
     also: tuple[str, ...] = ()
-    """Joints that have to be in the file too, to distinguish skeletons with similar names."""
+    """Further required joints, to distinguish skeletons with similar names."""
 
     rest: dict[str, tuple[float, float, float]] = field(default_factory=dict)
-    """Joints and their rest offsets in the file's unit, for a figure that differs in its proportions alone."""
+    """Joints and their rest offsets in the file's unit, for a skeleton that differs only in its proportions."""
 
     def fits(self, motion: RawMotion) -> bool:
-        """Every joint is there, and the rest offsets that the map states are the motion's (1 %)."""
+        """Whether all joints exist and the stated rest offsets agree with the motion's (1 %)."""
         place = dict(zip(motion.joint_names, motion.rest_offset, strict=True))
         return self.joints <= place.keys() and all(
             np.allclose(place[joint], want, atol=0.01 * np.linalg.norm(want)) for joint, want in self.rest.items()
@@ -114,7 +114,7 @@ class SkeletonMap:
 
 
 def _axis(value: str) -> Float[np.ndarray, " 3"] | None:
-    """The unit vector that a map's direction states; None where it is a joint's name."""
+    """The unit vector of a map's direction; None if it is a joint's name."""
     if value in AXES:
         return AXES[value]
     try:
@@ -132,7 +132,7 @@ def _frames(directions: Float[np.ndarray, "n 2 3"]) -> Float[np.ndarray, "n 3 3"
 
 
 def read_map(path: Path) -> SkeletonMap:
-    """A map file, checked. Raises SettingsError."""
+    """Read and check a map file. Raises SettingsError."""
     value = settings.read_yaml(path)
     skeleton = settings.parse(SkeletonMap, {**value, "name": path.stem} if isinstance(value, dict) else value, path)
     faults = [f"body '{name}' is missing" for name in BODIES if name not in skeleton.bodies]
@@ -155,7 +155,7 @@ def shipped_maps() -> dict[str, SkeletonMap]:
 
 
 def stated_map(path: Path, stated: str) -> SkeletonMap:
-    """The map of that name, or of that `.yaml` file. Raises FileError."""
+    """The map with that name or in that `.yaml` file. Raises FileError."""
     if stated.endswith((".yaml", ".yml")):
         return read_map(Path(stated))
     if stated not in shipped_maps():

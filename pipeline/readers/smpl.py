@@ -79,7 +79,7 @@ def mean_skeleton() -> Float[np.ndarray, "22 3"]:
 
 
 WHOLE = ("poses", "pose_aa", "smpl_poses")
-"""Names of the array that holds root and body."""
+"""Names of the array with root and body."""
 ROOTS = ("root_orient", "global_orient")
 BODIES = ("pose_body", "body_pose")
 TRANSLATIONS = ("trans", "transl", "trans_orig", "root_trans_offset")
@@ -89,17 +89,17 @@ SHAPES = ("betas", "beta", "shape")
 COLUMNS = (66, 72, 156, 165)
 """Three for each joint of the root and the body (66), with SMPL's hands, SMPL-H's and SMPL-X's fingers and face."""
 BODY_COLUMNS = (63, 69, 153, 162)
-"""The same without the root."""
+"""Numbers of columns without the root."""
 
 
 def is_smpl(arrays: ArrayFile) -> bool:
-    """Arrays of an SMPL motion."""
+    """Whether arrays are an SMPL motion."""
     posed = arrays.first(*WHOLE) or (arrays.first(*ROOTS) and arrays.first(*BODIES))
     return bool(posed) and arrays.first(*TRANSLATIONS) is not None
 
 
 def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: float | None = None) -> RawMotion:
-    """An SMPL motion. `assumed_fps`: what is known of the program that wrote it [Hz]. Raises FileError."""
+    """Read an SMPL motion. `assumed_fps`: known rate of the program that wrote it [Hz]. Raises FileError."""
     translation, shape = arrays.first(*TRANSLATIONS), arrays.first(*SHAPES)
     assert translation is not None
     trans = arrays.stored_numbers(translation, None, 3)
@@ -138,7 +138,7 @@ def _poses(trans: np.ndarray, turns: tuple[np.ndarray, ...], offsets: Float[np.n
 
 
 def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray, ...]:
-    """Rotation vectors of the root and the body's joints [rad] as the file stores them. Raises FileError."""
+    """Rotation vectors of the root and the body's joints [rad] as stored in the file. Raises FileError."""
     whole, root, body = arrays.first(*WHOLE), arrays.first(*ROOTS), arrays.first(*BODIES)
     if whole is not None:
         poses = _rows(arrays, whole)
@@ -160,14 +160,14 @@ def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray
 
 
 def _rows(arrays: ArrayFile, name: str) -> np.ndarray:
-    """Rotation vectors, the numbers of all joints in a row each frame; stored so or as an array (joints, 3)."""
+    """Rotation vectors with all joints in one row per frame; stored like that or as (t, joints, 3)."""
     shape = (None, None, 3) if len(arrays.shapes[name]) == 3 else (None, None)
     rows = arrays.stored_numbers(name, *shape)
     return rows.reshape(len(rows), math.prod(rows.shape[1:]))
 
 
 def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndarray, "22 3"]:
-    """Rest offsets of the shared joints [m] of a body model in a `.npz`; the root's is its place in the model.
+    """Rest offsets of the shared joints [m] of a body model in a `.npz`; the root's is its position in the model.
 
     Takes joints (`J_template`, `J`), or `J_regressor` and `v_template` with `shapedirs` for the shape `betas`. Raises
     FileError.

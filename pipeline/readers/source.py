@@ -1,4 +1,4 @@
-"""Where motions come from: folders with a licence, a credit and what a person states of their files."""
+"""Sources of motions: folders with licence, credit and stated facts about their files."""
 
 import csv
 import dataclasses
@@ -16,7 +16,7 @@ from pipeline.files import settings
 
 @dataclass(frozen=True, kw_only=True)
 class Statement:
-    """Facts of a source, or of some of its files, from data/sources.yaml. None: the file has to state it."""
+    """Facts about a source or some of its files, from data/sources.yaml. None: taken from the file."""
 
     unit: str | None = None
     """Unit of length: `m`, `cm`, `mm`, `inch`, `cmu`, or metres per unit as a number."""
@@ -25,11 +25,11 @@ class Statement:
     fps: float | None = None
     """Frames per second [Hz]; overrides what the file declares."""
     skeleton: str | None = None
-    """Name of a skeleton map, or the path of a map of your own (`.yaml`)."""
+    """Name of a skeleton map, or the path of the user's own map (`.yaml`)."""
     asf: str | None = None
     """The ASF file of an AMC: its path, from the AMC's folder if relative."""
     body_model: str | None = None
-    """Path of an SMPL body model of your own (`.npz`); a mean human skeleton is used without it."""
+    """Path of the user's own SMPL body model (`.npz`); without it a mean human skeleton is used."""
     tracks: str | None = None
     """The robot motion that a robot's recording tracked: its path, from the recording's folder."""
     quaternion: str | None = None
@@ -37,7 +37,7 @@ class Statement:
 
 
 NOTHING_STATED = Statement()
-"""The file has to state everything."""
+"""No stated facts: everything is taken from the file."""
 
 
 Stated = TypeVar("Stated", bound=Statement)
@@ -47,19 +47,19 @@ UNKNOWN_LICENCE = "unknown"
 LICENCE_FILES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt", "LICENCE.md")
 """Files whose first line names the licence of the folder they are in."""
 LICENCE_BYTES = 10_000
-"""Bytes of a licence file that are read."""
+"""Most bytes that are read of a licence file."""
 INDEX_BYTES = 20_000_000
-"""Size of an `index.csv`."""
+"""Largest size of an `index.csv`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileStatement(Statement):
-    """What is stated of some files of a source; goes before what is stated of the whole."""
+    """Facts about some files of a source; they override those of the whole source."""
 
     files: str
     """Pattern of paths below the source's folder, such as `takes/*.amc`."""
     licence: str | None = None
-    """Licence of these files where it is not the source's."""
+    """Licence of these files if it differs from the source's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,16 +70,16 @@ class Source:
     """First part of its clips' names."""
     folder: Path
     licence: str | None = None
-    """Licence of its files, as an SPDX identifier where there is one; None where the folder has to state it."""
+    """Licence of its files, as an SPDX identifier if there is one; None: taken from the folder."""
     credit: str = ""
-    """Whom to thank, and where it is from."""
+    """Attribution: author and origin."""
     statement: Statement = NOTHING_STATED
-    """What its files do not state themselves."""
+    """Stated facts about all its files."""
     files: tuple[FileStatement, ...] = ()
-    """Statements of some of the files; a later one goes before an earlier one."""
+    """Stated facts about some of the files; later ones override earlier ones."""
 
     def statement_of(self, path: Path) -> Statement:
-        """What is stated of one file."""
+        """Stated facts about one file."""
         stated = dataclasses.asdict(self.statement)
         for one in self._matching(path):
             found = {field.name: getattr(one, field.name) for field in dataclasses.fields(Statement)}
@@ -95,23 +95,23 @@ class Source:
         return _sidecar_licence(path)[0] or listed or _licence_file(self.folder, path) or UNKNOWN_LICENCE
 
     def stated_licence_of(self, path: Path) -> str | None:
-        """Licence of one file where a person states it, whatever is in the folder."""
+        """Licence of one file stated in data/sources.yaml, regardless of the folder's files."""
         of_file = [one.licence for one in self._matching(path) if one.licence is not None]
         return of_file[-1] if of_file else self.licence
 
     def notes_of(self, path: Path) -> tuple[Reason, ...]:
-        """Faults of one file's sidecar and index, which are ignored for them; none for most."""
+        """Notes on errors in one file's sidecar and index, which are then ignored."""
         if self.stated_licence_of(path) is not None:
             return ()
         licence, sidecar_fault = _sidecar_licence(path)
         licences, index_fault = _index(self.folder)
         notes = [("broken_sidecar", sidecar_fault)]
         if index_fault is not None and licence is None and self._within(path) not in licences:
-            notes.append(("broken_index", f"the table of licences says nothing of the motion: {index_fault}"))
+            notes.append(("broken_index", f"the table of licences does not list the motion: {index_fault}"))
         return tuple(Reason(code=code, text=text, effect="noted") for code, text in notes if text is not None)
 
     def about(self, path: Path) -> dict[str, str | float | None]:
-        """Everything that this source states about one file, flat, for digests and provenance."""
+        """All stated facts about one file as a flat dictionary, for digests and provenance."""
         return {**settings.plain(self.statement_of(path)), "licence": self.licence_of(path), "credit": self.credit}
 
     def _matching(self, path: Path) -> list[FileStatement]:
@@ -123,7 +123,7 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class _Entry:
-    """One source as data/sources.yaml writes it."""
+    """One source in data/sources.yaml."""
 
     name: str
     folder: str
@@ -165,7 +165,7 @@ def read_sources(path: Path, *, only_there: bool = False) -> tuple[Source, ...]:
 
 
 def _folder_of(path: Path, entry: _Entry) -> Path | None:
-    """The folder of an entry; None where there is none."""
+    """The folder of an entry; None if it does not exist."""
     try:
         folder = (path.parent / Path(entry.folder).expanduser()).resolve()
         return folder if folder.is_dir() else None
@@ -174,7 +174,7 @@ def _folder_of(path: Path, entry: _Entry) -> Path | None:
 
 
 def _with_paths(statement: Stated, folder: Path) -> Stated:
-    """The statement with paths of the user's own files made absolute."""
+    """Make the paths of the user's own files absolute."""
     changed = {}
     for name in ("body_model", "skeleton"):
         value = getattr(statement, name)
@@ -188,8 +188,8 @@ def sources_of_environment(
 ) -> tuple[Source, ...]:
     """Sources from folders joined by `:`, named after the folders, or as in an earlier run (`names`, by resolved path).
 
-    No folder of those `known` (in data/sources.yaml) is taken again, and no name given twice. Raises FileError for a
-    folder that is not there.
+    Folders of `known` sources (data/sources.yaml) are skipped, and names are unique. Raises FileError for a missing
+    folder.
     """
     earlier = names or {}
     sources: list[Source] = []
@@ -209,14 +209,14 @@ def sources_of_environment(
 
 
 def read_sidecar(path: Path) -> dict[str, Any]:
-    """What the YAML file beside a motion states; nothing where there is none. Raises SettingsError, or OSError."""
+    """Content of the YAML file next to a motion; empty if there is none. Raises SettingsError or OSError."""
     sidecar = path.with_suffix(".yaml")
     value = settings.read_yaml(sidecar) if sidecar.is_file() else None
     return value if isinstance(value, dict) else {}
 
 
 def sidecar_text(path: Path, sidecar: dict[str, Any], key: str, wanted: str) -> str | None:
-    """A text in the YAML file beside a motion; None where it has none. Raises SettingsError for anything else."""
+    """A text in the YAML file next to a motion; None if missing. Raises SettingsError for another type."""
     value = sidecar.get(key)
     if value is not None and not (isinstance(value, str) and value.strip()):
         problem = f"'{key}' is {value!r}, expected {wanted}."
@@ -225,18 +225,18 @@ def sidecar_text(path: Path, sidecar: dict[str, Any], key: str, wanted: str) -> 
 
 
 def _sidecar_licence(path: Path) -> tuple[str | None, str | None]:
-    """The `licence` in the YAML file beside a motion, and what is wrong with that file."""
+    """The `licence` in the YAML file next to a motion, and the error in that file."""
     try:
         return sidecar_text(path, read_sidecar(path), "licence", "a text"), None
     except OSError as error:
         fault = SettingsError(path.with_suffix(".yaml"), f"it can't be read ({error.strerror}).")
     except SettingsError as error:
         fault = error
-    return None, f"the file beside the motion says nothing of its licence: {fault}"
+    return None, f"the file beside the motion does not state its licence: {fault}"
 
 
 def _index(folder: Path) -> tuple[dict[str, str], str | None]:
-    """Licence of each file that `index.csv` (columns `file`, `licence`) names, and what is wrong with it."""
+    """Licence of each file that `index.csv` (columns `file`, `licence`) names, and the error in it."""
     index = folder / "index.csv"
     if not index.is_file():
         return {}, None
@@ -246,9 +246,9 @@ def _index(folder: Path) -> tuple[dict[str, str], str | None]:
 
 @functools.lru_cache(maxsize=64)
 def _licences(index: Path, state: tuple[int, int]) -> tuple[dict[str, str], str | None]:
-    """Contents of a table of licences, and what is wrong with it; rows behind a fault are left out.
+    """Content of a table of licences, and the error in it; rows after an error are left out.
 
-    `state`: size and time of change of the table, which is read once for all files that it is about.
+    `state`: size and modification time, as cache key.
     """
     licences: dict[str, str] = {}
     if state[0] > INDEX_BYTES:

@@ -1,4 +1,4 @@
-"""Text of a motion file: size and encoding are checked once for all formats; whole, by lines, or as rows of numbers."""
+"""Read the text of a motion file (whole, by lines, or as rows of numbers) with checks of size and encoding."""
 
 import codecs
 from collections.abc import Iterator
@@ -18,11 +18,11 @@ from pipeline.files.array_file import known_numbers
 MAX_BYTES = 400_000_000
 MAX_FRAMES = 2_000_000
 MAX_NUMBERS = 100_000_000
-"""Caps that are checked before memory is taken: 2,000,000 frames are 4.6 hours at 120 Hz."""
+"""Limits checked before memory is allocated: 2,000,000 frames are 4.6 hours at 120 Hz."""
 
 
 LINES_AT_ONCE = 256
-"""Lines that are parsed together: Arrow takes ten times their size meanwhile."""
+"""Lines per batch; Arrow needs ten times their size."""
 
 
 def read_lines(path: Path) -> list[str]:
@@ -36,7 +36,7 @@ def read_text(path: Path) -> str:
 
 
 def check_size(path: Path) -> None:
-    """Raises FileError for a file that is missing, empty or too large."""
+    """Raise FileError for a file that is missing, empty or too large."""
     if not path.is_file():
         raise FileError(path, "the file does not exist.")
     size = path.stat().st_size
@@ -47,7 +47,7 @@ def check_size(path: Path) -> None:
 
 
 def to_float(token: str) -> float:
-    """`float` without what only Python takes for a number: `1_0`, digits of other scripts. Raises ValueError."""
+    """`float` that rejects Python-only number syntax: `1_0`, digits of other scripts. Raises ValueError."""
     if "_" in token or not token.isascii():
         raise ValueError(f"not a number: {token[:40]!r}")
     try:
@@ -57,7 +57,7 @@ def to_float(token: str) -> float:
 
 
 def read_number(path: Path, token: str, line: int, what: str) -> float:
-    """A finite number. Raises FileError with the line."""
+    """Parse a finite number. Raises FileError with the line."""
     try:
         number = to_float(token)
     except ValueError:
@@ -97,17 +97,17 @@ def read_table(
 
 
 def check_numbers(path: Path, frames: int, columns: int) -> None:
-    """Raises FileError for more frames or numbers than a file may hold."""
+    """Raise FileError for more frames or numbers than allowed."""
     if frames * columns > MAX_NUMBERS or frames > MAX_FRAMES:
         problem = f"{frames} frames of {columns} numbers are more than the {MAX_NUMBERS} allowed."
         raise FileError(path, problem, "Split it.")
 
 
 def parsed_rows(lines: list[str], columns: int, comma: bool = False) -> Float[np.ndarray, "t columns"] | None:
-    """Rows of `columns` numbers by Arrow's parser, with the bits of `float` in a third of its time.
+    """Rows of `columns` numbers by Arrow's parser; bit-identical to `float`, 3x faster.
 
-    None where a row has another length or Arrow can't read a number. Buffers go in, and DLPack out: to convert Python's
-    objects Arrow would load pandas (45 MB).
+    None if a row has another length or Arrow can't read a number. Uses buffers and DLPack, since Arrow would import
+    pandas (45 MB) to convert Python objects.
     """
     data = "\n".join(filter(None, map(str.strip, lines))).encode()
     if not data:
@@ -186,7 +186,7 @@ def open_text(path: Path) -> MotionText:
 
 
 def _blocks(lines: Iterator[str], size: int) -> Iterator[tuple[list[str], bool]]:
-    """Lines in blocks of `size`, each with whether it is the last one that holds anything but blanks."""
+    """Blocks of `size` lines, each with a flag for the last block that is not blank."""
     block = list(islice(lines, size))
     while block:
         following = list(islice(lines, size))

@@ -1,4 +1,4 @@
-"""Files that hold motion and are not read: what a person can do about them."""
+"""Advice for motion files of unsupported formats."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ CONVERT: dict[str, str] = {
     ".bag": "A ROS 1 bag: convert it to MCAP.",
     ".db3": "A ROS 2 bag: convert it to MCAP (ros2 bag convert).",
 }
-"""Suffix -> how to make a file of it that is read."""
+"""Suffix -> how to convert it to a supported format."""
 
 NO_MOTION = frozenset(
     (
@@ -53,23 +53,23 @@ NO_MOTION = frozenset(
         *(".bak", ".tmp", ".part", ".swp", ".blend1", ".url", ".lnk"),
     )
 )
-"""Suffixes of files that lie beside motions and hold none: they are not counted. Any other suffix is."""
+"""Suffixes of files without motion, which are not counted; all others are."""
 
 POINTER = b"version https://git-lfs"
 
 
 def how_to_convert(suffix: str) -> str:
-    """What to do about a file of a format that is not read; empty where it is not known."""
+    """How to convert a file of an unsupported format; empty if unknown."""
     return CONVERT.get(suffix.lower(), "")
 
 
 def refuse_pointer(path: Path) -> None:
-    """Raises FileError for a Git LFS pointer in place of a file's content."""
+    """Raise FileError for a Git LFS pointer in place of a file's content."""
     try:
         with path.open("rb") as stream:
             start = stream.read(len(POINTER))
     except OSError:
-        return  # the reader says what is wrong with it
+        return  # the reader reports the error
     if start == POINTER:
         problem = "it is a Git LFS pointer: the file itself was not downloaded."
         raise FileError(path, problem, "Run `git lfs pull` in its repository.")

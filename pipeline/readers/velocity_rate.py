@@ -1,4 +1,4 @@
-"""The frame rate of a motion: as stated, as its file declares it, and checked against velocities in the file."""
+"""The frame rate of a motion: stated, declared by the file, or checked against the file's velocities."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,24 +14,24 @@ STANDARD_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 4
 """Rates at which motion is recorded or exported."""
 
 ROUNDING = 1e-4
-"""A rate this close to a whole number is that number: files print 1/30 s as 0.033333."""
+"""Deviation up to which a rate is rounded to an integer, since files print 1/30 s as 0.033333."""
 
 STATE_RATE = "State `fps:` for it in data/sources.yaml."
-"""What to do about a file whose rate is missing or wrong."""
+"""Remedy for a missing or wrong rate."""
 
 
 def declared_rate(fps: float | None) -> float | None:
-    """A declared rate [Hz] without the rounding of its printed digits."""
+    """A declared rate [Hz] corrected for the rounding of its printed digits."""
     if fps is None:
         return None
     return float(round(fps)) if abs(fps - round(fps)) < ROUNDING * fps else float(fps)
 
 
 def printed_rate(printed: str) -> tuple[float, tuple[Reason, ...]]:
-    """The rate [Hz] that a printed frame time means, with a note where its digits leave a choice.
+    """The rate [Hz] of a printed frame time, with a note if its digits are ambiguous.
 
-    A program that prints 0.017 or 0.0083 meant 60 or 120 Hz: of the standard rates whose frame time rounds to the
-    printed digits the only one is taken. Where several do (0.02 is 50 and 60 Hz) or none does, the quotient is taken.
+    Printed 0.017 or 0.0083 mean 60 or 120 Hz: if the frame time of exactly one standard rate rounds to the printed
+    digits, that rate is returned. If several do (0.02 is 50 and 60 Hz) or none does, the quotient is returned.
     """
     frame_time_s = float(printed)
     fps = 1.0 / frame_time_s
@@ -50,10 +50,10 @@ def printed_rate(printed: str) -> tuple[float, tuple[Reason, ...]]:
 
 
 def frame_rate(path: Path, declared: float | None, statement: Statement, fault: FileError | None = None) -> float:
-    """Frames per second [Hz]; what is stated goes before what the file declares.
+    """Frames per second [Hz]; a stated rate overrides the declared one.
 
-    `fault`: what is wrong with the file's own rate, where it has none that can be one. Raises it where no rate is
-    stated, AmbiguousFileError when there is none, FileError when it is no rate.
+    `fault`: the error in the file's rate, raised if no rate is stated. Raises AmbiguousFileError if there is no rate,
+    FileError for an invalid one.
     """
     if declared is None and statement.fps is None and fault is not None:
         raise fault
@@ -66,17 +66,18 @@ def frame_rate(path: Path, declared: float | None, statement: Statement, fault: 
 
 
 MIN_CORRELATION = 0.98
-"""Of differences of position with the stored velocity; below it no rate is inferred."""
+"""Least correlation between position differences and stored velocities for inferring a rate."""
 
 FEWEST_FRAMES, MOST_FRAMES = 10, 20_000
-"""Frames that are needed, and that are compared, from the first."""
+"""Least and largest number of frames that are compared, from the first."""
 
 CONTRADICTED = 0.05
-"""A declared rate that is off by more than this share of the one inferred from the velocities is wrong, ..."""
+"""Relative deviation from the inferred rate above which a declared rate is wrong, if `TIMES_MISFIT` is exceeded,
+too."""
 
 TIMES_MISFIT = 2.5
-"""... if it is also off by more than this many times the misfit of the inferred one: velocities that were smoothed or
-differ by noise give a rate that is off by up to 2.3 times its misfit."""
+"""Deviation in multiples of the inferred rate's misfit above which a declared rate is wrong: smoothed or noisy
+velocities give a rate that deviates by up to 2.3 times its misfit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,22 +87,22 @@ class VelocityRate:
     fps: float
     """[Hz]"""
     misfit: float
-    """RMS of what remains between differences at this rate and velocities, as a share of the velocities' RMS."""
+    """RMS residual between position differences at this rate and velocities, relative to the velocities' RMS."""
 
     @property
     def usual_fps(self) -> float | None:
-        """The usual rate within 2 % [Hz]; None where there is none."""
+        """The standard rate within 2 % [Hz]; None if there is none."""
         usual = min(STANDARD_HZ, key=lambda rate: abs(rate - self.fps))
         return float(usual) if abs(usual - self.fps) < 0.02 * usual else None
 
     def contradicts(self, declared: float) -> bool:
-        """Whether a declared rate [Hz] can't be that of these velocities."""
+        """Whether a declared rate [Hz] contradicts these velocities."""
         off = abs(declared / self.fps - 1.0)
         return off > max(CONTRADICTED, TIMES_MISFIT * self.misfit)
 
 
 def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRate | None:
-    """The rate at which central differences of positions (t, ...) are the velocities; None where they do not agree.
+    """The rate at which central differences of positions (t, ...) equal the velocities; None if they do not agree.
 
     Least squares over all columns of at most `MOST_FRAMES` frames. Frames with missing numbers are left out.
     """
@@ -123,17 +124,17 @@ def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRa
 
 
 def surest(*rates: VelocityRate | None) -> VelocityRate | None:
-    """The rate with the smallest misfit; None where there is none."""
+    """The rate with the smallest misfit; None without rates."""
     return min((rate for rate in rates if rate is not None), key=lambda rate: rate.misfit, default=None)
 
 
 def checked_rate(
     path: Path, declared: float | None, by_velocity: VelocityRate | None, statement: Statement
 ) -> tuple[float | None, tuple[Reason, ...]]:
-    """The rate [Hz] to take for a file's own, and a reason where its velocities contradict what it declares.
+    """The file's rate [Hz], corrected by its velocities, and a reason if they contradict the declared rate.
 
-    A rate that is not declared (None) is taken from the velocities only where it is a usual one. So is a rate that is
-    declared wrong; where the velocities show an unusual rate the clip is rejected until a rate is stated.
+    A missing or wrong declared rate is replaced by the rate from the velocities if that is a standard one. If the
+    velocities contradict the declared rate with a non-standard rate, the clip is rejected until a rate is stated.
     """
     if by_velocity is None:
         return declared, ()
@@ -153,7 +154,7 @@ def checked_rate(
         then, effect = f"{usual:g} Hz is taken", "repaired"
     else:
         then, effect = "which is no usual rate. State the right one as `fps:` in data/sources.yaml", "rejected"
-    text = f"the file says {stated:g} Hz, but its own velocities are those of {fps:.4g} Hz: {then}"
+    text = f"the file states {stated:g} Hz, but its own velocities are those of {fps:.4g} Hz: {then}"
     value, limit = round(fps / stated, 3), 1.0 + CONTRADICTED
     reason = Reason(code="time_base", text=text, effect=effect, value=value, limit=limit)
     return declared if effect == "rejected" else fps, (reason,)

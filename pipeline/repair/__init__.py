@@ -1,4 +1,4 @@
-"""KP2: corrupted frames found and filled or cut, heading and floor aligned, smoothed, foot contacts labelled."""
+"""KP2: fill or cut corrupted frames, align heading and floor, low-pass, label foot contacts."""
 
 from pipeline.repair.process import prepare, process
 from pipeline.repair.settings import RepairSettings

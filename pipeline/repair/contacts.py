@@ -1,8 +1,8 @@
-"""Which foot is on the ground, and whether it stays where it stands.
+"""Foot contacts and foot slip.
 
-A foot has two points that it stands on: the ball (toe joint) and the heel, which lies behind and below
-the ankle in the foot's frame. Each has its own stance height, taken from the clip's slow frames. A foot is on the
-ground while one of them is low and slow.
+A foot has two contact points: the ball (toe joint) and the heel, which is behind and below the ankle in the foot's
+frame. Each has its own stance height, estimated from the clip's slow frames. A foot is in contact while one of its
+points is low and slow.
 """
 
 from dataclasses import dataclass
@@ -18,29 +18,29 @@ from pipeline.repair.settings import ContactSettings
 from pipeline.repair.tree import FrameMask
 
 HEEL_BACK = 0.05
-"""Heel behind the ankle [m]: the ankle lies over a quarter of the foot's .26 m (Winter 2009, foot length .152 H)."""
+"""Distance of the heel behind the ankle [m]: a fifth of the foot's 0.26 m (Winter 2009, foot length 0.152 H)."""
 HEIGHT_BAND = 0.03
-"""Width of the band of heights in which a point's stance height is sought [m]."""
+"""Width of the height band for the estimate of a point's stance height [m]."""
 SLOW_M_S = 0.25
-"""A point slower than this may stand [m/s]."""
+"""Speed below which a point may be in stance [m/s]."""
 USUAL_PERCENTILE, TIMES_USUAL = 75.0, 2.0
-"""A contact begins below twice the speed that three quarters of the planted points stay below."""
+"""A contact begins below `TIMES_USUAL` times this percentile of the planted points' speed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FootPoints:
-    """Ball and heel of one foot over T frames."""
+    """Ball and heel of one foot, t frames."""
 
     height: Float[np.ndarray, "t 2"]
-    """Over each point's own stance height [m]: ball, heel."""
+    """Height of ball and heel above their own stance height [m]."""
     speed: Float[np.ndarray, "t 2"]
-    """In the world [m/s]."""
+    """Speed of ball and heel in the world [m/s]."""
     along_ground: Float[np.ndarray, "t 2 2"]
-    """Velocity in the world's x and y [m/s]."""
+    """World x and y velocity of ball and heel [m/s]."""
 
     @property
     def horizontal(self) -> Float[np.ndarray, "t 2"]:
-        """Speed along the ground [m/s]."""
+        """Horizontal speed of ball and heel [m/s]."""
         return np.linalg.norm(self.along_ground, axis=-1)
 
     def cut(self, part: slice) -> "FootPoints":
@@ -49,13 +49,13 @@ class FootPoints:
 
 
 Feet = tuple[FootPoints, FootPoints]
-"""Left and right."""
+"""Contact points of the left and the right foot."""
 Contacts = Bool[np.ndarray, "t 2"]
 """Foot on the ground (left, right)."""
 
 
 def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
-    """Ball and heel of a foot; `ground` is the clip's floor [m], which no stance height strays far from."""
+    """Ball and heel of a foot; `ground` is the clip's floor [m], which bounds the stance heights."""
     ball_w, ankle_w, foot_quat = clip.pos(f"{side}_toe"), clip.pos(f"{side}_ankle"), clip.quat(f"{side}_ankle")
     ankle_height = _stance_height(ankle_w, clip.fps, ground)
     heel_w = ankle_w + rotation.rotate(foot_quat, np.array([-HEEL_BACK, 0.0, -(ankle_height - ground)]))
@@ -69,8 +69,8 @@ def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
 def label_contacts(feet: Feet, fps: float, settings: ContactSettings) -> Contacts:
     """Foot on the ground (left, right).
 
-    How slow is slow follows from the clip: feet of a clean recording hardly move in stance, and what does is on
-    its way; in a noisy one everything moves. The settings are the upper bounds.
+    The speed limit adapts to the clip: in a clean recording feet hardly move in stance, in a noisy one they always
+    move. The settings are upper bounds.
     """
     shortest = max(1, round(settings.shortest_s * fps))
     on_m_s = _slow(feet, settings)
@@ -85,7 +85,7 @@ def label_contacts(feet: Feet, fps: float, settings: ContactSettings) -> Contact
 
 
 def _slow(feet: Feet, settings: ContactSettings) -> float:
-    """Speed [m/s] below which a low point of this clip begins a contact."""
+    """Speed limit [m/s] below which a low point of this clip begins a contact."""
     planted = []
     for foot in feet:
         low_speed = np.where(foot.height < settings.height, foot.speed, np.inf).min(axis=1)
@@ -96,20 +96,22 @@ def _slow(feet: Feet, settings: ContactSettings) -> float:
 
 
 def stance_slip(feet: Feet, contacts: Contacts) -> float:
-    """Mean horizontal speed [m/s] of the slower of ball and heel of standing feet, without the ends of each stance."""
+    """Mean horizontal speed [m/s] of the slower of ball and heel of feet in contact, without the ends of each
+    stance."""
     inner = inner_contacts(contacts)
     speed = np.concatenate([foot.horizontal.min(axis=1)[inner[:, side]] for side, foot in enumerate(feet)])
     return float(speed.mean()) if len(speed) else 0.0
 
 
 def both_feet(clip: HumanClip, ground: float) -> Feet:
-    """The points of the left and the right foot."""
+    """Contact points of both feet; `ground` is the clip's floor [m]."""
     left, right = (foot_points(clip, side, ground) for side in FEET)
     return left, right
 
 
 def _stance_height(point_w: Float[np.ndarray, "t 3"], fps: float, ground: float) -> float:
-    """Median height of a point in the densest band of its slow frames [m]; else its lowest twentieth."""
+    """Median height of a point in the densest height band of its slow frames [m]; without such frames its 5th
+    percentile."""
     speed = np.linalg.norm(time_series.derivative(point_w, fps), axis=1)
     height = point_w[speed < SLOW_M_S, 2]
     height = height[height < ground + 0.25]
@@ -120,7 +122,7 @@ def _stance_height(point_w: Float[np.ndarray, "t 3"], fps: float, ground: float)
 
 
 def _grown(sure: FrameMask, possible: FrameMask) -> FrameMask:
-    """Runs of `possible` that hold a frame of `sure`: hysteresis in both directions of time."""
+    """Runs of `possible` that contain a frame of `sure`: hysteresis in both time directions."""
     result = np.zeros_like(sure)
     for start, stop in time_series.runs(possible):
         result[start:stop] = sure[start:stop].any()

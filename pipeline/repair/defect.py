@@ -1,4 +1,4 @@
-"""What the detectors say: a defect, and all of them as masks of lost samples and cuts."""
+"""Results of the detectors: a defect, and all defects as masks of lost samples and cuts."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,11 +12,11 @@ from pipeline.repair.tree import BodyMask
 
 @dataclass(frozen=True, kw_only=True)
 class Defect:
-    """Frames [start, stop) in which some bodies are not to be trusted; start == stop is a cut before `start`."""
+    """Frames [start, stop) in which some bodies are invalid; start == stop is a cut before frame `start`."""
 
     code: str
     text: str
-    """What was found, as the middle of a sentence: "the pelvis jumps by 0.40 m"."""
+    """Description as a clause: "the pelvis jumps by 0.40 m"."""
     start: int
     stop: int
     bodies: tuple[int, ...]
@@ -33,7 +33,7 @@ class Defect:
         return self.start == self.stop
 
     def reason(self, fps: float, effect: str, done: str) -> Reason:
-        """The defect as a reason, times in the source clip."""
+        """The defect as a reason, with times in the source clip."""
         if self.is_cut:
             where = f"before frame {self.start}"
         elif self.stop - self.start == 1:
@@ -47,7 +47,7 @@ class Defect:
 
 @dataclass
 class Findings:
-    """Defects of a clip while the detectors work; masks over T frames and the 19 bodies."""
+    """Defects of a clip, collected by the detectors; masks over t frames and the 19 bodies."""
 
     frame_count: int
     defects: list[Defect] = field(default_factory=list)
@@ -59,7 +59,7 @@ class Findings:
         self.lost_rot = np.zeros((self.frame_count, len(BODIES)), dtype=bool)
 
     def add(self, defects: list[Defect]) -> None:
-        """Take what a detector found."""
+        """Add the defects of a detector."""
         self.defects += defects
         for defect in defects:
             bodies = list(defect.bodies)
@@ -69,7 +69,7 @@ class Findings:
                 self.lost_rot[defect.start : defect.stop, bodies] = True
 
     def with_more(self, defects: list[Defect]) -> "Findings":
-        """These findings and others, as findings of their own."""
+        """A copy of these findings with further defects."""
         result = Findings(frame_count=self.frame_count, defects=[*self.defects])
         result.lost_pos, result.lost_rot = self.lost_pos.copy(), self.lost_rot.copy()
         result.add(defects)
@@ -77,12 +77,12 @@ class Findings:
 
     @property
     def cuts(self) -> list[int]:
-        """Frames before which the motion breaks, sorted."""
+        """Frames before which the motion is cut, sorted."""
         return sorted({defect.start for defect in self.defects if defect.is_cut})
 
     @property
     def beside_cuts(self) -> BodyMask:
-        """The frames before and after each cut, of the bodies that jump there."""
+        """Mask of the frames before and after each cut, for the bodies that jump there."""
         mask = np.zeros_like(self.lost_pos)
         for defect in self.defects:
             if defect.is_cut:
@@ -95,7 +95,7 @@ class Findings:
 
 
 def names(bodies: tuple[int, ...] | list[int]) -> str:
-    """Bodies for a person: up to three names, then a count."""
+    """Names of bodies for a message: up to three, then a count."""
     if len(bodies) == len(BODIES):
         return "all joints"
     listed = ", ".join(BODIES[index] for index in list(bodies)[:3])

@@ -1,4 +1,4 @@
-"""All detectors in order, each on a clip in which what was found before is bridged."""
+"""Run all detectors in order, each on the clip with the defects found so far interpolated."""
 
 import dataclasses
 
@@ -14,27 +14,27 @@ from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.shaking import find_noise
 from pipeline.repair.swapped import find_broken_bones, find_swapped, swap_back
 from pipeline.repair.tree import BodyMask
-from pipeline.repair.unsteadiness import Seen, find_spikes
+from pipeline.repair.unsteadiness import MotionFeatures, find_spikes
 
 MOST_LOOKS = 4
-"""How often small spikes are sought: a larger one hides what is beside it."""
+"""Most iterations of the spike detector: a large spike hides smaller ones beside it."""
 
 BESIDE = 3
-"""Frames between a stretch of one kind and one of another that touch each other, at most."""
+"""Most frames between a frozen and a shaking stretch that count as adjacent."""
 
 
 NEAR = 1e-6
-"""A body this close to the origin or its parent lies on it [m]: real data have more noise."""
+"""Distance to the origin or the parent below which a body counts as zeroed [m]; real data have more noise."""
 SHORTEST_BONE = 0.02
-"""Bodies that are closer to their parent than this throughout the clip are so by design [m]."""
+"""Bone length below which a body coincides with its parent by the skeleton's design [m]."""
 
 
 def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Findings]:
-    """The clip with exchanged sides put right, and everything else that is wrong with it."""
+    """The clip with exchanged sides restored, and all other defects in it."""
     findings = Findings(frame_count=clip.frame_count)
     findings.add(find_missing(clip, settings))
-    seen = _bridged(clip, findings)
-    swapped = find_swapped(seen.pos_w, clip.fps)
+    features = _bridged(clip, findings)
+    swapped = find_swapped(features.pos_w, clip.fps)
     if swapped:
         findings.add(swapped)
         pos_w, quat_w = swap_back(clip.body_pos_w, swapped), swap_back(clip.body_quat_w, swapped)
@@ -42,66 +42,70 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
         findings.lost_pos, findings.lost_rot = (
             swap_back(lost, swapped) for lost in (findings.lost_pos, findings.lost_rot)
         )
-        seen = _bridged(clip, findings)
+        features = _bridged(clip, findings)
     for find in (_frozen_and_shaking, _broken_bones):
-        found = find(clip, seen, findings, settings)
+        found = find(clip, features, findings, settings)
         if found:
             findings.add(found)
-            seen = _bridged(clip, findings)
-    jumps = joined(find_jumps(seen, findings.lost, clip.fps, settings), findings.defects)
+            features = _bridged(clip, findings)
+    jumps = joined(find_jumps(features, findings.lost, clip.fps, settings), findings.defects)
     findings.add(jumps)
     for _ in range(MOST_LOOKS):
-        seen = _bridged(clip, findings) if jumps else seen
-        jumps = find_spikes(seen, findings.lost | findings.beside_cuts, clip.fps, settings)
+        features = _bridged(clip, findings) if jumps else features
+        jumps = find_spikes(features, findings.lost | findings.beside_cuts, clip.fps, settings)
         if not jumps:
             break
         findings.add(jumps)
     return clip, findings
 
 
-def _frozen_and_shaking(clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings) -> list[Defect]:
-    """What stands still, and what shakes although that is bridged.
+def _frozen_and_shaking(
+    clip: HumanClip, features: MotionFeatures, findings: Findings, settings: DetectionSettings
+) -> list[Defect]:
+    """Frozen stretches, and shaking in the clip with these interpolated.
 
-    A joint that keeps a pose until it shakes, or from then on, did not jump out of it: that says nothing of the pose.
+    A jump between a rest and a shaking stretch is caused by the shaking, so it does not show that the rest is frozen.
     """
-    frozen = _new(find_frozen(seen, findings.lost, clip.fps, settings), findings)
+    frozen = _new(find_frozen(features, findings.lost, clip.fps, settings), findings)
     if frozen:
-        seen = _bridged(clip, findings.with_more(frozen))
-    shaking = _new(find_noise(seen, clip.fps, settings), findings)
+        features = _bridged(clip, findings.with_more(frozen))
+    shaking = _new(find_noise(features, clip.fps, settings), findings)
     if not frozen or not shaking:
         return frozen + shaking
     kept = [one for one in frozen if not any(_touches(one, other) for other in shaking)]
     if len(kept) == len(frozen):
         return frozen + shaking
-    seen = _bridged(clip, findings.with_more(kept))
-    return kept + _new(find_noise(seen, clip.fps, settings), findings)
+    features = _bridged(clip, findings.with_more(kept))
+    return kept + _new(find_noise(features, clip.fps, settings), findings)
 
 
-def _broken_bones(clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings) -> list[Defect]:
-    return _new(find_broken_bones(seen.pos_w, findings.lost, settings), findings)
+def _broken_bones(
+    clip: HumanClip, features: MotionFeatures, findings: Findings, settings: DetectionSettings
+) -> list[Defect]:
+    return _new(find_broken_bones(features.pos_w, findings.lost, settings), findings)
 
 
 def _touches(one: Defect, shaking: Defect) -> bool:
-    """Whether a joint jumps into its frozen stretch from shaking, or out of one that it did not jump into."""
+    """Whether the jump that marks a joint as frozen is next to a shaking stretch."""
     if one.code == "dropout":
         return abs(one.start - shaking.stop) <= BESIDE
     return one.code == "frozen_joint" and abs(one.stop - shaking.start) <= BESIDE
 
 
-def _bridged(clip: HumanClip, findings: Findings) -> Seen:
-    """The clip with its lost samples filled, however long the gaps: for looking at what is left."""
+def _bridged(clip: HumanClip, findings: Findings) -> MotionFeatures:
+    """The clip with all lost samples interpolated, however long the gaps, as input for the next detector."""
     pos_w, quat_w = fill(clip.body_pos_w, clip.body_quat_w, findings.lost_pos, findings.lost_rot, clip.fps)
-    return Seen(pos_w=pos_w, quat_w=quat_w)
+    return MotionFeatures(pos_w=pos_w, quat_w=quat_w)
 
 
 def _new(defects: list[Defect], findings: Findings) -> list[Defect]:
-    """Defects with samples that were not lost already: a bridged gap at the clip's end is not frozen."""
+    """Defects with samples that were not lost before: an interpolated gap at the clip's end is not frozen."""
     lost = findings.lost
     return [one for one in defects if not lost[one.start : one.stop][:, list(one.bodies)].all()]
 
 
 def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
-    """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), no rotations (`no_rotation`)."""
+    """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), non-unit quaternions (`no_rotation`)."""
     pos_w, quat_w = clip.body_pos_w, clip.body_quat_w
     missing_pos = np.any(~np.isfinite(pos_w), axis=-1)
     missing_rot = np.any(~np.isfinite(quat_w), axis=-1)
@@ -117,14 +121,14 @@ def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
 
 
 def _zeroed(pos_w: np.ndarray) -> BodyMask:
-    """Bodies at the world's origin, or on their parent although their bone has a length."""
+    """Bodies at the world's origin, or at their parent's position although their bone is longer."""
     at_origin = rotation.length(pos_w) < NEAR
     at_origin[at_origin[:, 0]] = True
     bone = np.full(pos_w.shape[:2], np.inf)
     bone[:, 1:] = rotation.length(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])])
     known = np.isfinite(bone) & ~at_origin
     usual = np.array(
-        [np.median(column[seen]) if seen.any() else 0.0 for column, seen in zip(bone.T, known.T, strict=True)]
+        [np.median(column[valid]) if valid.any() else 0.0 for column, valid in zip(bone.T, known.T, strict=True)]
     )
     with np.errstate(invalid="ignore"):
         on_parent = (bone < NEAR) & (usual > SHORTEST_BONE)

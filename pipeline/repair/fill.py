@@ -1,4 +1,4 @@
-"""Lost samples filled from their surroundings, short gaps one way and longer ones another; limbs keep their lengths."""
+"""Fill lost samples: short gaps by a polynomial, longer ones from similar motion; limbs keep their lengths."""
 
 import dataclasses
 import functools
@@ -25,21 +25,21 @@ from pipeline.repair.tree import (
 )
 
 CONTEXT_S = 0.055
-"""Time on either side that a gap is bridged from [s]."""
+"""Time before and after a gap whose samples determine the polynomial [s]."""
 UNIT_TOLERANCE = 0.01
-"""How far from 1 the length of a quaternion may be that bodies below it have followed."""
+"""Deviation of a quaternion's norm from 1 up to which it affected the poses of the bodies below it."""
 DEGREE = 5
-"""Of the polynomial: place, speed and acceleration of both sides."""
+"""Degree of the polynomial: position, velocity and acceleration at both ends."""
 
 
 def fill(
     pos_w: Positions, quat_w: Orientations, lost_pos: BodyMask, lost_rot: BodyMask, fps: float
 ) -> tuple[Positions, Orientations]:
-    """The clip without its lost samples; the others do not change.
+    """Interpolate the lost samples; the others do not change.
 
-    A polynomial of degree 5 through the frames around a gap, in the world. Where only a body's orientation
-    was lost, the bodies below it went astray with it: they keep their poses in their parents' frames.
-    Gaps at the ends hold the nearest sample. A body that is lost throughout stays as it is.
+    Gaps get a polynomial of degree 5 through the frames around them, in the world frame. Where only a body's
+    orientation was lost, the bodies below it are wrong as well: they keep their poses in their parents' frames.
+    Gaps at the ends of the clip repeat the nearest sample. A body that is lost throughout is not changed.
     """
     if not (lost_pos.any() or lost_rot.any()):
         return pos_w.copy(), _unit(quat_w)
@@ -64,7 +64,7 @@ def fill(
 def bridge(
     values: Float[np.ndarray, "t n"], lost: FrameMask, fps: float, context_s: float = CONTEXT_S
 ) -> Float[np.ndarray, "t n"]:
-    """`values` with the frames marked `lost` made from the good ones within `context_s` of each run."""
+    """Replace the frames of `values` marked `lost`, from the valid frames within `context_s` of each run."""
     result = values.copy()
     good = np.flatnonzero(~lost)
     if not lost.any() or not len(good):
@@ -88,7 +88,7 @@ def _through(values: np.ndarray, before: np.ndarray, after: np.ndarray, frames: 
 
 @functools.lru_cache(maxsize=256)
 def _operator(before: tuple[int, ...], after: tuple[int, ...], count: int) -> Float[np.ndarray, "m known"]:
-    """What the values at frames 0 to `count` - 1 are in those `before` and `after`; exact at both neighbours."""
+    """Matrix from the values at frames `before` and `after` to frames 0 ... `count` - 1; exact at both neighbours."""
     known, frames = np.array(before + after), np.arange(count)
     centre, half = (before[-1] + after[0]) / 2.0, (after[0] - before[-1]) / 2.0
     degree = min(DEGREE, len(known) - 1)
@@ -105,9 +105,9 @@ def _operator(before: tuple[int, ...], after: tuple[int, ...], count: int) -> Fl
 
 
 def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray, quat_w: Orientations) -> BodyMask:
-    """Bodies that hang below a body of which only the orientation was lost, unless lost themselves.
+    """Bodies below a body of which only the orientation was lost, unless lost themselves.
 
-    An orientation that is no rotation (not a number, not unit) has led nobody astray.
+    A quaternion that is NaN or not unit had no effect on the bodies below.
     """
     astray = np.zeros_like(lost_pos)
     turned = lost_rot & ~lost_pos
@@ -119,7 +119,7 @@ def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray, quat_w: Orientatio
 
 
 def _unit(quat_w: Orientations) -> Orientations:
-    """Unit quaternions; the identity where there is none."""
+    """Unit quaternions; the identity for NaN or zero."""
     norm = np.linalg.norm(quat_w, axis=-1, keepdims=True)
     sound = np.isfinite(norm) & (norm > 0.0)
     return np.where(sound, quat_w / np.where(sound, norm, 1.0), rotation.IDENTITY)
@@ -128,25 +128,26 @@ def _unit(quat_w: Orientations) -> Orientations:
 WINDOW_S = 0.16
 """Time before and after a gap in which windows are compared [s]."""
 MISS_CONTEXT_S = 0.08
-"""Of it the part that what a window misses is bridged from [s]; longer than for a motion: it is small and noisy."""
+"""Time around a gap from which a window's residual is interpolated [s]; longer than `CONTEXT_S`, as residuals are
+noisy."""
 NEAREST = 4
-"""Windows that are averaged."""
+"""Number of most similar windows that are averaged."""
 APART_S = 0.1
-"""Two of them are at least this far apart [s]; neighbours say the same."""
+"""Least time between two of these windows [s]; adjacent windows are redundant."""
 SAMPLES = 16
-"""Frames of a window that are compared."""
+"""Number of frames of a window that are compared."""
 LARGEST_MISS = 0.08
-"""A window whose joints are further off than this on average is not similar [m]."""
+"""Mean joint distance above which a window is not similar [m]."""
 VELOCITY_S = 0.1
-"""Weight of a difference in the pelvis' velocity against one in place [m per m/s]."""
+"""Weight of a pelvis velocity difference relative to a position difference [m per m/s]."""
 
 
 def fill_similar(
     pos_w: Positions, quat_w: Orientations, lost: BodyMask, start: int, stop: int, fps: float
 ) -> tuple[Float[np.ndarray, "gap 19 3"], Float[np.ndarray, "gap 19 4"]] | None:
-    """Positions and orientations of frames [start, stop), every body; None where nothing is similar.
+    """Positions and orientations of all bodies for frames [start, stop); None if no window is similar.
 
-    The clip comes with all gaps bridged; `lost` says which of its samples were not there.
+    The clip has all gaps interpolated; `lost` marks the interpolated samples.
     """
     context = max(3, round(WINDOW_S * fps))
     low, high = start - context, stop + context
@@ -174,20 +175,20 @@ def fill_similar(
 
 
 def _fitted(made: np.ndarray, target: np.ndarray, gap: Bool[np.ndarray, " m"], fps: float) -> np.ndarray:
-    """`made` (m, ...) plus what it misses of `target` around the gap, bridged across it."""
+    """`made` (m, ...) plus its residual to `target` around the gap, interpolated across the gap."""
     miss = (target - made).reshape(len(gap), -1)
     return made + bridge(miss, gap, fps, MISS_CONTEXT_S).reshape(made.shape)
 
 
 def _same_sign(quat: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The same rotations, each on the side of `other`."""
+    """The same rotations with the sign that is closer to `other`."""
     return np.where(np.sum(quat * other, axis=-1, keepdims=True) < 0.0, -quat, quat)
 
 
 def _similar(
     pos_w: Positions, quat_w: Orientations, lost: BodyMask, low: int, high: int, fps: float
 ) -> list[tuple[int, float]]:
-    """First frames of the windows most like [low, high), with how far their joints are off [m]; best first."""
+    """First frames of the windows most similar to [low, high) and their mean joint distance [m]; best first."""
     length = high - low
     count = len(pos_w) - length + 1
     at = np.unique(np.linspace(0, length - 1, min(SAMPLES, length)).round().astype(int))
@@ -216,16 +217,16 @@ def _similar(
 
 
 def _poses(pos_w: Positions, quat_w: Orientations, fps: float) -> Float[np.ndarray, "t 20 3"]:
-    """Joints from the pelvis, the pelvis' height, and its velocity, in the frame of the heading."""
-    ahead = rotation.rotate(quat_w[:, 0], np.array([1.0, 0.0, 0.0]))
-    back = rotation.about_z(-np.arctan2(ahead[:, 1], ahead[:, 0]))
+    """Joint positions relative to the pelvis, pelvis height and pelvis velocity, in the heading frame."""
+    forward = rotation.rotate(quat_w[:, 0], np.array([1.0, 0.0, 0.0]))
+    back = rotation.about_z(-np.arctan2(forward[:, 1], forward[:, 0]))
     joints = pos_w - pos_w[:, :1] * [1.0, 1.0, 0.0]
     velocity = np.gradient(pos_w[:, 0], axis=0) * fps * VELOCITY_S
     return rotation.rotate(back[:, None], np.concatenate([joints, velocity[:, None]], axis=1))
 
 
 def _onto(pos: Positions, quat: Orientations, target: Positions, known: BodyMask) -> tuple[Positions, Orientations]:
-    """A window turned about the vertical and moved so that its joints lie on the `known` ones of `target`."""
+    """Align a window with the `known` joints of `target` by a yaw rotation and a translation."""
     weight = known[..., None].astype(float)
     total = weight.sum()
     centre, goal = ((values * weight).sum(axis=(0, 1)) / total for values in (pos, target))
@@ -238,9 +239,9 @@ def _onto(pos: Positions, quat: Orientations, target: Positions, known: BodyMask
 
 
 def filled(clip: HumanClip, findings: Findings, dropped: FrameMask, settings: FillSettings) -> HumanClip:
-    """The clip without lost samples; frames that are `dropped` hold something finite and are not to be used.
+    """The clip without lost samples; `dropped` frames have finite values but must not be used.
 
-    Gaps longer than `short_gap_s` are filled from similar moments of the clip where it has them. Limb bones have
+    Gaps longer than `short_gap_s` are filled from similar motion of the same clip if there is any. Limb bones have
     the clip's median lengths wherever a position was filled.
     """
     lost_pos, lost_rot = findings.lost_pos, findings.lost_rot
@@ -266,7 +267,7 @@ def filled(clip: HumanClip, findings: Findings, dropped: FrameMask, settings: Fi
 
 
 def keep_lengths(pos_w: Positions, lengths: PerBody) -> Positions:
-    """Positions whose limb bones have `lengths` [m] (per frame and body; the bone to the body's parent).
+    """Move joints so that limb bones have `lengths` [m] (per frame and body; the bone to the body's parent).
 
     Knees and elbows move in their limb's plane; an ankle or wrist moves only where the limb is too
     short to reach it; the ball of the foot follows its ankle.
@@ -298,7 +299,7 @@ def _two_bones(
 
 
 def smoothed(clip: HumanClip, skill: str, settings: SmoothSettings) -> HumanClip:
-    """The clip low-passed, without lag. `skill` picks the cutoff: what is fast has faster parts."""
+    """Low-pass the clip with zero phase. `skill` selects the cutoff, which is higher for fast skills."""
     cutoff_hz = settings.fast_cutoff_hz if skill in settings.fast_skills else settings.cutoff_hz
     poses = np.concatenate([clip.body_pos_w, rotation.make_continuous(clip.body_quat_w)], axis=2)
     smooth = time_series.smooth(poses, clip.fps, cutoff_hz)

@@ -1,4 +1,4 @@
-"""The height of the ground under a person: where the balls of the feet are when they stand."""
+"""Ground height of a human clip, from the height of the balls of the feet in stance."""
 
 import dataclasses
 import itertools
@@ -16,28 +16,29 @@ from pipeline.repair.tree import FrameMask
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """Where a piece was in the world of its source: `p_source = R_z(heading) p_piece + (x, y, floor + slope t)`."""
+    """Transform from a piece to the world of its source: `p_source = R_z(heading) p_piece + (x, y, floor + slope
+    t)`."""
 
     heading_rad: float
     origin_x_m: float
     origin_y_m: float
     floor_m: float
-    """Height of the ground at the piece's first frame."""
+    """Ground height at the piece's first frame [m]."""
     floor_slope_m_s: float = 0.0
-    """How fast the ground of the recording rose."""
+    """Vertical velocity of the recording's ground (drift) [m/s]."""
 
     def origin_w(self, clip: HumanClip) -> np.ndarray:
-        """The piece's origin in each frame (t, 1, 3)."""
+        """World position of the piece's origin in each frame (t, 1, 3) [m]."""
         place = np.tile([self.origin_x_m, self.origin_y_m, self.floor_m], (clip.frame_count, 1, 1))
         place[:, 0, 2] += self.floor_slope_m_s * np.arange(clip.frame_count) / clip.fps
         return place
 
     def applied(self, clip: HumanClip) -> HumanClip:
-        """The clip in the piece's world."""
+        """Transform a clip from the source's world to the piece's."""
         return _turned(clip, -self.heading_rad, clip.body_pos_w - self.origin_w(clip))
 
     def undone(self, clip: HumanClip) -> HumanClip:
-        """The piece in the world of its source."""
+        """Transform a clip from the piece's world to the source's."""
         turned = _turned(clip, self.heading_rad, clip.body_pos_w)
         return dataclasses.replace(turned, body_pos_w=turned.body_pos_w + self.origin_w(clip))
 
@@ -50,7 +51,8 @@ def _turned(clip: HumanClip, angle: float, pos_w: np.ndarray) -> HumanClip:
 
 
 def place(clip: HumanClip, floor_m: float, heading_s: float) -> Placement:
-    """The placement of a clip: mean facing of the pelvis over its first `heading_s` [s]."""
+    """Placement of a clip: origin at the pelvis, heading from the pelvis's mean facing over the first `heading_s`
+    [s]."""
     count = max(1, round(heading_s * clip.fps))
     return Placement(
         heading_rad=mean_heading(clip.quat("pelvis")[:count]),
@@ -61,7 +63,7 @@ def place(clip: HumanClip, floor_m: float, heading_s: float) -> Placement:
 
 
 def mean_heading(quat_w: np.ndarray) -> float:
-    """Mean direction of the bodies' x axes on the ground [rad], of orientations (t, 4)."""
+    """Mean horizontal direction [rad] of the x axes of orientations (t, 4)."""
     ahead = rotation.rotate(quat_w, np.array([1.0, 0.0, 0.0]))[:, :2]
     flat = rotation.normalize(ahead).mean(axis=0)
     return float(np.arctan2(flat[1], flat[0]))
@@ -69,47 +71,47 @@ def mean_heading(quat_w: np.ndarray) -> float:
 
 FEWEST_FRAMES = 5
 SHORTEST_STANCE_S, LONGEST_STANCE_S = 0.06, 0.6
-"""Shorter stances are none; longer ones are looked at in parts [s]."""
+"""Shorter stances are ignored; longer ones are split into parts [s]."""
 LOOKS = 2
-"""How often the slope is sought."""
+"""Number of iterations of the slope estimate."""
 FEWEST_STANCES, SHORTEST_WAY_S = 4, 0.5
-"""So many stances tell a slope, by those that are so far apart [s]."""
+"""Least number of stances for a slope, and least time between the two stances of a pair [s]."""
 FALLBACK_PERCENTILE = 5.0
-"""Where no foot ever stands (a clip of a leap) the ground is taken from the lowest toes."""
+"""Percentile of the toe heights used as ground where no foot is ever in stance (a clip of a leap)."""
 
 SHAKEN_CODES = ("noise", "bone_length", "spike")
-"""Name under which shaking is reported."""
+"""Defect codes that shaking is reported with."""
 CALM_S, MOST_SHAKEN_M = 0.15, 0.02
-"""A toe that shakes is where its mean over this time is [s], unless its height scatters by more [m]."""
+"""Averaging time for the position of a shaking toe [s], and largest height scatter for which it is used [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Floor:
-    """What is known of the ground; heights in the clip's world [m]."""
+    """Estimated ground; heights in the clip's world [m]."""
 
     height: float
-    """The ground in the middle of the clip: where the balls of the feet stand less their height over it."""
+    """Ground height in the middle of the clip: height of the balls of the feet in stance minus `ball_height`."""
     drift: float
-    """How much higher the ground is at the clip's end than at its beginning; 0 where too few stances tell."""
+    """Ground height at the clip's end minus that at its beginning; 0 with too few stances."""
     slope_m_s: float
-    """What is taken out of the clip: the drift over its duration where it is more than people's feet explain, or 0."""
+    """Slope that is removed from the clip: the drift per duration where it exceeds `drift_limit`, else 0."""
 
     def at(self, frame: int, clip: HumanClip) -> float:
-        """Height of the ground at a frame of the clip as it was recorded [m]."""
+        """Ground height at a frame of the recorded clip [m]."""
         return self.height + self.slope_m_s * (frame - (clip.frame_count - 1) / 2.0) / clip.fps
 
 
 def find_floor(
     clip: HumanClip, settings: FloorSettings, sound: FrameMask, findings: Findings, recorded: HumanClip
 ) -> Floor:
-    """The ground of a clip, as filled, from its `sound` frames; and from those that shake, as `recorded`.
+    """Estimate the ground of a filled clip from its `sound` frames, and from shaking frames of the `recorded` clip.
 
-    Of the heights of slow toes the densest band is taken (as PHUMA does) and its median. A drift is the median slope
-    between stances (Theil and Sen), which single steps onto something do not change.
+    The height is the median of the densest band of slow toes' heights (as in PHUMA). The drift is the median slope
+    between stances (Theil-Sen estimator), which is robust against single steps onto an object.
     """
     toes = [_toe(clip, side, sound, findings, recorded) for side in FEET]
     slope = 0.0
-    for _ in range(LOOKS):  # what is slow over a ground that drifts is known better once the drift is
+    for _ in range(LOOKS):  # a known drift improves the choice of slow frames
         slope += _slope([_stances(*toe, slope, clip.fps, settings) for toe in toes], clip.fps, settings)
     taken = slope if abs(slope) * clip.duration_s > settings.drift_limit else 0.0
     level = np.concatenate([_stances(*toe, taken, clip.fps, settings)[1] for toe in toes])
@@ -126,7 +128,7 @@ def find_floor(
 
 
 def levelled(clip: HumanClip, floor: Floor) -> HumanClip:
-    """The clip without the drift of its ground."""
+    """Remove the ground's drift from the clip."""
     if floor.slope_m_s == 0.0:
         return clip
     pos_w = clip.body_pos_w.copy()
@@ -138,10 +140,10 @@ def levelled(clip: HumanClip, floor: Floor) -> HumanClip:
 def _toe(
     clip: HumanClip, side: str, sound: FrameMask, findings: Findings, recorded: HumanClip
 ) -> tuple[Float[np.ndarray, "t 3"], FrameMask]:
-    """Positions of a toe [m], and the frames that tell of the ground.
+    """Positions of a toe [m], and the frames that are usable for the ground.
 
-    A toe that shakes does so about where it is: what is too rough for motion still tells a height, by its mean over a
-    while. Only what is lost for another reason is not used.
+    A shaking toe oscillates around its true position, so its mean over `CALM_S` is used. Samples that are lost for
+    another reason are not used.
     """
     index = body(f"{side}_toe")
     pos_w, seen, raw = clip.body_pos_w[:, index].copy(), sound.copy(), recorded.body_pos_w[:, index]
@@ -162,7 +164,7 @@ def _toe(
 def _stances(
     toe_pos_w: Float[np.ndarray, "t 3"], seen: FrameMask, slope_m_s: float, fps: float, settings: FloorSettings
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Frames in which a toe is slow, of those in which it is seen, and its heights there [m], without a slope."""
+    """Frames in which a usable toe is slow, and its heights there [m] with the slope removed."""
     level_w = toe_pos_w.copy()
     level_w[:, 2] -= slope_m_s * (np.arange(len(level_w)) - (len(level_w) - 1) / 2.0) / fps
     speed = np.linalg.norm(time_series.derivative(level_w, fps), axis=1)
@@ -171,11 +173,11 @@ def _stances(
 
 
 def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: FloorSettings) -> float:
-    """Slope of the ground through the stances [m/s]; 0 where there are too few.
+    """Slope of the ground through the stances [m/s]; 0 with too few stances.
 
-    Their median slope, each pair weighed by its time apart (Theil and Sen), tells which stances are on the ground; the
-    line through those, each weighed by its time, is steadier where all of them wander. Where less than two are within
-    the band of their middle height (a foot that rests on a step), the median slope is all that is reported.
+    The Theil-Sen slope (median over pairs, weighted by their time difference) selects the stances on the ground. A line
+    through these, weighted by duration, is the more precise estimate. With fewer than two stances within the band of
+    their median height (e.g. a foot on a step), the Theil-Sen slope is returned.
     """
     parts = [part for frames, heights in stances for part in _parts(frames, heights, fps)]
     time_s, height, weight = np.array(parts).reshape(-1, 3).T
@@ -196,7 +198,7 @@ def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: F
 
 
 def _parts(frames: np.ndarray, heights: np.ndarray, fps: float) -> list[tuple[float, float, float]]:
-    """Time [s], height [m] and duration [s] of a foot's stances, long ones in parts."""
+    """Time [s], height [m] and duration [s] of a foot's stances; long stances are split."""
     result = []
     bounds = [0, *(np.flatnonzero(np.diff(frames) > 1) + 1).tolist(), len(frames)]
     for low, high in itertools.pairwise(bounds):
@@ -210,7 +212,7 @@ def _parts(frames: np.ndarray, heights: np.ndarray, fps: float) -> list[tuple[fl
 
 
 def densest(values: Float[np.ndarray, " n"], width: float) -> float:
-    """Centre of the interval of `width` that holds the most of `values`; of equals the lowest, then the tightest."""
+    """Centre of the interval of `width` that contains most of `values`; in a tie the lowest, then the narrowest."""
     ordered = np.sort(values)
     last = np.searchsorted(ordered, ordered + width, side="right")
     count = last - np.arange(len(ordered))

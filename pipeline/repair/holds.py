@@ -1,9 +1,9 @@
-"""Whether a rest of a body is the person's or a held pose of the recording.
+"""Distinguish a person's rest from a pose that the recording holds because it lost the body.
 
-People rest, too: knees lock, feet stand, arms are held. A rest is taken up and left without a jump, however fast the
-motion on both sides; a recording that lost a body for a while holds it, and then jumps to where it has gone meanwhile.
-Where a rest of the person and a lost stretch follow each other in one pose, other rests in that pose tell how long the
-person keeps it at least.
+A person's body rests, too: locked knees, feet in stance, still arms. It enters and leaves such a rest without a jump,
+however fast the motion before and after. A recording that lost a body holds its last pose and then jumps to the new
+one. Where a rest and a hold follow each other in the same pose, other rests in that pose give the rest's least
+duration.
 """
 
 import dataclasses
@@ -16,70 +16,70 @@ from pipeline import time_series
 from pipeline.repair.tree import FrameMask
 
 BESIDE = 2
-"""A jump so near to frames that are not known tells nothing [frames]."""
+"""Distance to unknown frames below which a jump is ignored [frames]."""
 COMEBACK, COMEBACK_SHARE = 5, 0.5
-"""What jumps back to the pose within so many frames, by this share, was a spike beside the rest."""
+"""A jump that returns to the pose within this many frames, by this share of its size, is a spike next to the rest."""
 PAUSE = 3
-"""Of rests in one pose with no more frames between them the person had ended the first."""
+"""Most frames between two rests in one pose for which the person had already left the first."""
 
 SAME = 1e-4
-"""Poses that are no further apart are one: rests creep a little [entries of rotation matrices, m]."""
+"""Largest difference of two equal poses, because rests drift slightly [entries of rotation matrices, m]."""
 NEAREST = 4
-"""Of so many rests in a pose the shortest tells how long the person keeps it at least: about two on either side."""
+"""Number of nearest rests in a pose whose shortest is the least duration of a rest: about two on either side."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a body's rest is judged by, in [rad] or [m] but for the last."""
+    """Limits for the rests of a body; jumps in [rad] or [m], durations in frames."""
 
     jump: float
-    """The person takes a rest up and leaves it by less."""
+    """Largest jump with which a person enters or leaves a rest."""
     short: float
-    """Jumps on both sides that tell of a held pose of fewer than `frames`."""
+    """Jumps on both sides above which a rest of fewer than `frames` is a hold."""
     entering: float
-    """Jumps on both sides that tell where the person's own rests in that pose jump, too."""
+    """Jumps on both sides above which a rest is a hold although other rests in that pose jump as well."""
     frames: int
-    """Equal frames that count as a rest."""
+    """Number of equal frames that count as a rest."""
     longest: float
-    """What is kept for more frames is where the body is locked."""
+    """Number of frames above which a constant pose is a locked joint."""
     excursion: float
-    """What jumps out of a pose and back into it within so many frames was elsewhere."""
+    """Most frames between a jump out of a pose and the jump back for which the frames between are the defect."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rest:
-    """Frames [start, stop) that equal the one before, and the jumps into and out of their pose."""
+    """Frames [start, stop) equal to their previous one, and the sizes of the jumps into and out of the pose."""
 
     start: int
     stop: int
     entered: float
     left: float
     whole: bool
-    """The clip does not begin or end in it."""
+    """Whether the clip neither begins nor ends in the rest."""
 
     @property
     def frames(self) -> int:
         return self.stop - self.start
 
     def jumps(self, limit: float) -> bool:
-        """Whether it is taken up or left by more than this."""
+        """Whether the rest is entered or left with a jump larger than `limit`."""
         return max(self.entered, self.left) > limit
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hold:
-    """Frames [start, stop) in which a body is held; `entered` where it jumped into the pose."""
+    """Frames [start, stop) in which the recording holds a body; `entered` if it jumped into the pose."""
 
     start: int
     stop: int
     entered: bool
     first: int
     last: int
-    """Frames [first, last) of the pose: of them the person may have kept some."""
+    """Frames [first, last) of the pose, part of which may be the person's rest."""
 
     @property
     def is_sure(self) -> bool:
-        """Whether all of the pose is held."""
+        """Whether all frames of the pose are a hold."""
         return (self.start, self.stop) == (self.first, self.last)
 
 
@@ -92,19 +92,24 @@ def find_holds(
     *,
     anywhere: bool = False,
 ) -> list[Hold]:
-    """Rests of a body that are not the person's.
+    """Find the stretches in which the recording holds a body.
 
-    `still` frames equal the one before, `jump` is how unsteady the step into each frame is, `unknown` frames are
-    bridged. `anywhere` rests in other poses count as if they were in the same: feet stand where they come down.
+    Args:
+        still: frames equal to the previous one
+        value: pose of the body in each frame
+        jump: unsteadiness of the step into each frame, in the unit of `limits`
+        unknown: interpolated frames
+        limits: limits for the rests
+        anywhere: treat all rests as rests in one pose, as feet come to stance at different positions
     """
-    count, ahead = len(value), (value, jump, unknown)
-    back = (value[::-1], np.concatenate([[0.0], jump[:0:-1]]), unknown[::-1])
+    count, forward = len(value), (value, jump, unknown)
+    backward = (value[::-1], np.concatenate([[0.0], jump[:0:-1]]), unknown[::-1])
     rests = [
         Rest(
             start=start,
             stop=stop,
-            entered=_jump(*back, count + 1 - start),
-            left=_jump(*ahead, stop),
+            entered=_jump(*backward, count + 1 - start),
+            left=_jump(*forward, stop),
             whole=start > 1 and stop < count,
         )
         for start, stop in time_series.runs(still & ~unknown)
@@ -122,12 +127,12 @@ def find_holds(
     return [
         _hold(one, others, limits)
         for one, others in suspects
-        if not any(_gives_way(one, others, *more, limits) for more in suspects)
+        if not any(_caused_by_neighbour(one, others, *more, limits) for more in suspects)
     ]
 
 
 def _jump(value: Float[np.ndarray, "t d"], jump: Float[np.ndarray, " t"], unknown: FrameMask, frame: int) -> float:
-    """Size of the jump into the frame after a rest; none that is not known, or that another soon leads back from."""
+    """Size of the jump into the frame after a rest; 0 where that is unknown or the body soon jumps back."""
     if frame + BESIDE >= len(value) or unknown[frame : frame + BESIDE + 1].any():
         return 0.0
     later = slice(frame + 1, frame + 1 + COMEBACK)
@@ -139,7 +144,7 @@ def _jump(value: Float[np.ndarray, "t d"], jump: Float[np.ndarray, " t"], unknow
 def _without_excursions(
     rests: list[Rest], poses: Float[np.ndarray, "n d"], jump: Float[np.ndarray, " t"], limits: Limits
 ) -> list[Rest]:
-    """Rests that do not count the jumps out of a pose and, soon, back into it: what is between was elsewhere."""
+    """Set the jumps between two close rests in the same pose to 0: there, the frames between them are the defect."""
     result = list(rests)
     for number in range(len(rests) - 1):
         one, after = rests[number], rests[number + 1]
@@ -151,17 +156,18 @@ def _without_excursions(
 
 
 def _suspect(one: Rest, others: list[Rest], limits: Limits) -> bool:
-    """Whether a rest that jumps is held: those of a person's locked joint may jump, but all do."""
+    """Whether a rest with a jump is a hold. Rests of a locked joint may jump, but then all of them do."""
     if one.frames < limits.frames:
         return min(one.entered, one.left) > limits.short
     locked = any(other.jumps(limits.jump) or other.frames > limits.longest for other in others)
     return not locked or min(one.entered, one.left) > limits.entering
 
 
-def _gives_way(one: Rest, others: list[Rest], next_to: Rest, its_others: list[Rest], limits: Limits) -> bool:
-    """Whether a rest jumps because what is next to it is held.
+def _caused_by_neighbour(one: Rest, others: list[Rest], next_to: Rest, its_others: list[Rest], limits: Limits) -> bool:
+    """Whether a rest jumps because an adjacent one is a hold.
 
-    Of two poses that is held which is kept at no other time, or which is jumped into and out of, or the shorter one.
+    Of two adjacent rests, the hold is the one whose pose does not recur, else the one with jumps at both ends, else the
+    shorter one.
     """
     if not 0 <= max(next_to.start - one.stop, one.start - next_to.stop) <= BESIDE:
         return False
@@ -170,7 +176,8 @@ def _gives_way(one: Rest, others: list[Rest], next_to: Rest, its_others: list[Re
 
 
 def _hold(one: Rest, others: list[Rest], limits: Limits) -> Hold:
-    """What of a rest is held: all, or what is longer than others in that pose are where it has one smooth end."""
+    """The held part of a rest: all of it, or, if one end is smooth, the part beyond the usual duration of such
+    rests."""
     entered, left = one.entered > limits.jump, one.left > limits.jump
     start, stop = one.start - entered, one.stop
     near = sorted(
@@ -186,7 +193,7 @@ def _hold(one: Rest, others: list[Rest], limits: Limits) -> Hold:
 
 
 def aligned(holds: list[list[Hold]]) -> list[list[Hold]]:
-    """Holds of each body; those of which the person may have kept a part begin and end with others' if they can."""
+    """Align the uncertain start or end of each hold with a certain hold of another body, if one fits."""
     sure = [one for body in holds for one in body if one.is_sure]
 
     def with_others(hold: Hold) -> Hold:

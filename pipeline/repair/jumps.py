@@ -1,4 +1,4 @@
-"""Jumps: a body that is somewhere else from one frame to the next, and does or does not come back."""
+"""Detect jumps: discontinuities of a body's pose between two frames, with or without a return."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,20 +12,20 @@ from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import TOES, BodyMask, FrameMask, Orientations, Positions
-from pipeline.repair.unsteadiness import USUAL_PERCENTILE, Seen, limits, slow_rate, turn_limits
+from pipeline.repair.unsteadiness import USUAL_PERCENTILE, MotionFeatures, limits, slow_rate, turn_limits
 
 SLOW_SPREAD = 10.0
-"""At low rates a limit rises with the rate only as far as this many times what is usual for the body."""
+"""At low frame rates a limit rises to at most this many times the body's usual unsteadiness."""
 AT_THE_ENDS = 2.0
-"""The first and the last step are judged from one side only and have to be this many times as large."""
+"""Factor on the limits of the first and the last step, which have neighbours on one side only."""
 COMEBACK_SPEED = 1.5
-"""A joint has come back if the way across took no more than this many times its usual top speed."""
+"""A joint has returned if the speed across the gap is at most this many times its usual top speed."""
 CHAIN_FRAMES = 3
-"""Jumps this close to each other are one disturbance."""
+"""Distance of two jumps up to which they are one disturbance [frames]."""
 TOE_SHARE = 2.0
-"""Toes bend so fast when they land that their limits are this many times as large."""
+"""Factor on the limits of toes, which bend fast at touchdown."""
 SMALL_S = 0.15
-"""A small jump is one if another leads back within this [s]: knees that lock and unlock jump a little, too."""
+"""Time within which a small jump must be reversed to count [s]; locking knees jump slightly, too."""
 EVERYBODY = tuple(range(len(BODIES)))
 
 
@@ -36,20 +36,20 @@ class Edges:
     place: BodyMask
     turn: BodyMask
     large: BodyMask
-    """Large enough to be reported alone; a smaller one needs another one soon that leads back."""
+    """Jumps that are reported alone; a smaller one must be reversed soon."""
 
 
-def find_jumps(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_jumps(features: MotionFeatures, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Jumps of the whole body (`teleport`, `heading_jump`, `opening_pose`) and of single joints (`joint_jump`).
 
-    A stretch between two jumps that the body came back from is lost (`dropout`, `spike`); a jump
-    without a way back is a cut. What is usual is taken from frames of which nothing is `lost`.
+    The stretch between a jump and the body's return is lost (`dropout`, `spike`); a jump without a return is a cut. The
+    usual unsteadiness is measured on frames without `lost` samples.
     """
-    pos_w, quat_w = seen.pos_w, seen.quat_w
+    pos_w, quat_w = features.pos_w, features.quat_w
     if len(pos_w) < 6:
         return []
-    edges = _edges(seen, lost, fps, settings)
-    offset, local_turn = seen.local
+    edges = _edges(features, lost, fps, settings)
+    offset, local_turn = features.local
     defects = _root_defects(pos_w, quat_w, edges.place[:, 0], edges.turn[:, 0], fps, settings)
     taken = np.zeros(len(pos_w), dtype=bool)
     for defect in defects:
@@ -62,12 +62,12 @@ def find_jumps(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettin
     return defects
 
 
-def _edges(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> Edges:
-    measured, rate, usual = seen.unsteadiness, slow_rate(fps), np.asarray(~lost.any(axis=1))
+def _edges(features: MotionFeatures, lost: BodyMask, fps: float, settings: DetectionSettings) -> Edges:
+    measured, rate, usual = features.unsteadiness, slow_rate(fps), np.asarray(~lost.any(axis=1))
     least = turn_limits(settings)
     near = np.full(len(EVERYBODY), settings.position_jump)
     near[0] = settings.root_jump
-    ends = np.ones((len(seen.pos_w), 1))
+    ends = np.ones((len(features.pos_w), 1))
     ends[[1, -1]] = AT_THE_ENDS
     place = measured.place > limits(measured.place, near, settings.jump_spread, usual) * ends
     turn_limit = limits(measured.turn, least, settings.jump_spread, usual)
@@ -75,7 +75,7 @@ def _edges(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) 
     turn_limit[list(TOES)] = np.maximum(turn_limit[list(TOES)], TOE_SHARE * settings.angle_jump * rate)
     alone = np.maximum(turn_limit, settings.angle_jump * rate)
     fast = np.zeros_like(place)
-    fast[1:] = rotation.length(seen.local_turns) * fps > settings.angular_speed
+    fast[1:] = rotation.length(features.local_turns) * fps > settings.angular_speed
     turn = (measured.turn > turn_limit * ends) | fast
     visible = (measured.world > settings.position_jump / 2) | (measured.world_turn > least / 2)
     visible[:, 0] = True
@@ -88,7 +88,7 @@ def _edges(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) 
 
 
 def joined(defects: list[Defect], known: list[Defect]) -> list[Defect]:
-    """A joint's jump at the edge of another's lost stretch belongs to it; the way back, or in, was too small to see."""
+    """Merge a joint's jump at the edge of another joint's lost stretch into that stretch."""
     lost = [one for one in (*known, *defects) if not one.is_cut and (one.pos or one.rot)]
     stretches = sorted({(one.start, one.stop) for one in lost})
 
@@ -103,7 +103,7 @@ def joined(defects: list[Defect], known: list[Defect]) -> list[Defect]:
 
 
 def _slow(size: Float[np.ndarray, "t n"], floor: Float[np.ndarray, " n"], rate: float) -> Float[np.ndarray, " n"]:
-    """Least limits at a low rate: feet that land jump from frame to frame; what is always smooth need not be spared."""
+    """Least limits at a low frame rate: higher for bodies that are often unsteady, such as landing feet."""
     if rate <= 1.0 or not len(size):
         return floor
     return np.clip(SLOW_SPREAD * np.percentile(size, USUAL_PERCENTILE, axis=0), floor, floor * rate)
@@ -112,9 +112,10 @@ def _slow(size: Float[np.ndarray, "t n"], floor: Float[np.ndarray, " n"], rate: 
 def _steps(
     pos: Float[np.ndarray, "t 3"], quat: Float[np.ndarray, "t 4"], percentile: float, slack_m: float, slack_rad: float
 ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"], Callable[[int, int], bool]]:
-    """Way [m] and turn [rad] of a body into each frame, and whether it is at `stop` back where it left at `start`.
+    """Translation [m] and rotation [rad] of a body into each frame, and a test for its return at `stop` to its motion
+    before `start`.
 
-    The fastest way back is `COMEBACK_SPEED` times that percentile of its own steps; the slack is always allowed.
+    The fastest return is `COMEBACK_SPEED` times a percentile of the body's own steps; the slack is always allowed.
     """
     way = np.concatenate([[0.0], np.linalg.norm(np.diff(pos, axis=0), axis=1)])
     angle = np.concatenate([[0.0], rotation.angle_between(quat[:-1], quat[1:])])
@@ -130,7 +131,7 @@ def _steps(
 
 
 def _pose_at_end(start: int, stop: int, count: int) -> str | None:
-    """The code of a stretch at the clip's beginning or end: a pose that is not part of the motion."""
+    """Defect code of a stretch at the clip's beginning or end, which is a pose and not motion."""
     if start == stop or (start > 0 and stop < count):
         return None
     return "opening_pose" if start == 0 else "closing_pose"
@@ -196,7 +197,7 @@ def _joint_defects(
 def _stretches(
     edges: np.ndarray, frame_count: int, came_back: Callable[[int, int], bool], fps: float, settings: DetectionSettings
 ) -> list[tuple[int, int]]:
-    """Lost stretches [start, stop) and cuts (start == stop) that a body's jumps, sorted, amount to."""
+    """Lost stretches [start, stop) and cuts (start == stop) that result from a body's sorted jumps."""
     longest, ends = settings.longest_spike_s * fps, max(settings.opening_s * fps, 3)
     result, left = [], [int(edge) for edge in edges]
     if left and left[0] <= ends:
@@ -224,7 +225,7 @@ def _stretches(
 
 
 def _chain(start: int, later: list[int]) -> list[int]:
-    """Of `later` edges those that follow on `start` within a few frames each: one disturbance, not many cuts."""
+    """The `later` edges that follow `start` within a few frames each; together they are one disturbance."""
     chain, last = [], start
     for edge in later:
         if edge - last > CHAIN_FRAMES:

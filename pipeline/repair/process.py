@@ -1,4 +1,4 @@
-"""KP2 on one window of a clip: defects found, filled or cut; placed, smoothed, contacts labelled and checked."""
+"""KP2 for one window of a clip: find, fill and cut defects, place and low-pass the pieces, label and check contacts."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -24,22 +24,22 @@ from pipeline.repair.tree import Positions
 from pipeline.robot import Robot
 
 CONTEXT_S = 1.0
-"""Motion around a window that smoothing and contacts look at [s]."""
+"""Motion before and after a window that is used for the filters and contacts [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeClip:
-    """What all windows of a source clip share."""
+    """Intermediate results that all windows of a source clip share."""
 
     repaired: HumanClip
-    """Filled and without a drift of the ground, over its whole length."""
+    """The whole clip, filled and without ground drift."""
     findings: Findings
     division: Division
     floor: Floor
 
 
 def prepare(clip: HumanClip | RobotClip, *, settings: RepairSettings) -> WholeClip | None:
-    """Defects, stretches and floor of a source clip; None for a recording of a robot, which is worked on by window."""
+    """Defects, stretches and floor of a source clip; None for a robot's recording, which is processed per window."""
     if isinstance(clip, RobotClip):
         return None
     mended, findings = detect(clip, settings.detection)
@@ -58,11 +58,11 @@ def process(
     robot: Robot | None = None,
     prepared: WholeClip | None = None,
 ) -> Outcome:
-    """The window [`start_frame`, `stop_frame`) of `clip`, repaired, as one piece or several.
+    """Repair the window [`start_frame`, `stop_frame`) of `clip`; the Outcome has one or more pieces.
 
-    `clip` is the whole source clip, so that defects, floor and filters have their surroundings; without the two
-    numbers it is the window itself. `prepared` is `prepare(clip)`, for callers with several windows. Times in
-    reasons are those of the source clip. Raises ClipError for a window that is not in the clip.
+    `clip` is the whole source clip, so that the filters and detectors have context; without these two numbers the
+    window is the whole clip. Times in reasons refer to the source clip. Raises ClipError if the window is not in the
+    clip.
     """
     start, stop = window_of(clip.name, clip.frame_count, numbers)
     if isinstance(clip, RobotClip):
@@ -89,7 +89,7 @@ def process(
 
 
 def window_of(name: str, frame_count: int, numbers: Numbers) -> tuple[int, int]:
-    """The window's frames [start, stop). Raises ClipError where they are not in the clip."""
+    """The window's frames [start, stop). Raises ClipError if they are not in the clip."""
     start, stop = int(numbers.get("start_frame") or 0), int(numbers.get("stop_frame") or frame_count)
     if not 0 <= start < stop <= frame_count:
         raise ClipError(name, "window", f"the window is [{start}, {stop}), the clip has {frame_count} frames")
@@ -99,7 +99,7 @@ def window_of(name: str, frame_count: int, numbers: Numbers) -> tuple[int, int]:
 def _pieces(
     clip: HumanClip, start: int, stop: int, skill: str, division: Division, floor: Floor, settings: RepairSettings
 ) -> tuple[tuple[Piece, ...], list[Reason]]:
-    """The window's stretches that are kept, and why others are not."""
+    """The pieces of the window that are kept, and the reasons for the others."""
     context = round(CONTEXT_S * clip.fps)
     gathered, taken = [], []
     for begin, end in division.stretches:
@@ -146,13 +146,13 @@ def _planted(
     floor: Floor,
     settings: RepairSettings,
 ) -> Planted | None:
-    """The clip with its feet planted where they slide slowly; None where they don't, or slide afterwards too.
+    """Plant the feet where they slide slowly; None if they do not slide or still slide afterwards.
 
     Args:
-        labelled: the stretch and its surroundings, with contacts
-        pos_w: its bodies before smoothing
+        labelled: the stretch with its context, with contacts
+        pos_w: body positions before the low pass [m]
         skating: stretches in which the feet slide
-        spans: frames in which the feet slide, and those of the whole stretch
+        spans: frames in which the feet slide, and frames of the whole stretch
     """
     contact, fps = settings.contact, labelled.fps
     sliding, within = spans
@@ -170,7 +170,7 @@ def _planted(
     found = planted(labelled, feet, labelled.contacts, sliding, contact.plant_m_s)
     moved_w = found.clip.body_pos_w[:, :1] - labelled.body_pos_w[:, :1]
     after = both_feet(found.clip, floor.height)
-    labels = label_contacts(after, fps, contact)  # feet that slide are given more speed than feet that stand
+    labels = label_contacts(after, fps, contact)  # sliding feet have a higher speed limit than standing feet
     found = dataclasses.replace(found, clip=dataclasses.replace(found.clip, contacts=labels))
     still = find_skating(after, pos_w + moved_w, fps, contact)
     if too_fast(found.clip, after, contact.slip_limit_m_s) or _inside(still, 0, within.start, within.stop):
@@ -181,7 +181,8 @@ def _planted(
 def _piece(
     labelled: HumanClip, feet: Feet, start: int, stop: int, low: int, settings: RepairSettings
 ) -> tuple[list[Reason], tuple[HumanClip, float] | None]:
-    """Frames [start, stop) of the source and their slip, or why they are not kept; `labelled` begins at `low`."""
+    """Frames [start, stop) of the source and their slip, or the reasons for dropping them; `labelled` begins at
+    `low`."""
     part, fps = slice(start - low, stop - low), labelled.fps
     assert labelled.contacts is not None
     if (stop - start) / fps < settings.min_seconds:
@@ -194,7 +195,7 @@ def _piece(
 
 
 def _inside(skating: list[Skating], low: int, first: int, last: int) -> list[Skating]:
-    """Stretches counted from frame `low` on, in the source's frames, as far as they are in [first, last)."""
+    """Convert stretches relative to frame `low` to frames of the source, clipped to [first, last)."""
     moved = [
         dataclasses.replace(one, start=max(one.start + low, first), stop=min(one.stop + low, last)) for one in skating
     ]
@@ -202,7 +203,7 @@ def _inside(skating: list[Skating], low: int, first: int, last: int) -> list[Ska
 
 
 def _between(skating: list[Skating], first: int, last: int) -> list[tuple[int, int]]:
-    """What of [first, last) is left."""
+    """Parts of [first, last) outside the sliding stretches."""
     edges = [first, *(edge for one in skating for edge in (one.start, one.stop)), last]
     return [(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop > start]
 

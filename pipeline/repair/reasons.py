@@ -1,4 +1,4 @@
-"""What was found and done, in words and numbers."""
+"""Reasons: findings and repairs as text and numbers."""
 
 import dataclasses
 import itertools
@@ -19,26 +19,26 @@ from pipeline.repair.skating import Planted, Skating
 from pipeline.repair.tree import FrameMask, Positions
 
 COMEBACK_SPEED = 2.0
-"""A gap of the whole body is filled if the way across took at most this many times the clip's usual top speed."""
+"""A gap of the whole body is filled if the speed across it is at most this many times the clip's usual top speed."""
 SLACK = 0.05
-"""Way that is always allowed across a gap [m]."""
+"""Displacement across a gap that is always allowed [m]."""
 CUT = "these frames are cut"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Division:
-    """A clip after its defects."""
+    """Division of a clip into kept stretches by its defects."""
 
     dropped: FrameMask
-    """Frames that are not filled."""
+    """Frames that are cut, not filled."""
     filled: FrameMask
-    """Frames in which something was filled."""
+    """Frames with filled samples."""
     stretches: tuple[tuple[int, int], ...]
     """Frame ranges without a dropped frame and without a cut inside."""
 
 
 def divide(pos_w: Positions, findings: Findings, fps: float, settings: RepairSettings) -> Division:
-    """Gaps that are too long, touch an end of the clip or lead somewhere else are dropped, the others filled."""
+    """Drop gaps that are too long, touch an end of the clip or have an implausible displacement; fill the others."""
     count = findings.frame_count
     lost = findings.lost
     longest = int(np.floor(settings.fill.longest_gap_s * fps + 1e-6))
@@ -85,7 +85,7 @@ def of_defects(
 
 
 def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
-    """Whether the ground under the clip is at z = 0, and stays there."""
+    """Reasons for a ground height other than 0 and for ground drift."""
     gathered: list[Reason] = []
     numbers: dict[str, Any] = {"effect": "repaired", "unit": "m"}
     if abs(floor.height) > settings.offset_limit:
@@ -100,7 +100,7 @@ def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
 def of_slip(
     slip: float, speed_m_s: float, frames: tuple[int, int], fps: float, settings: ContactSettings
 ) -> list[Reason]:
-    """Whether the standing feet of a piece [first, last), whose pelvis has a mean speed, slide on average."""
+    """Reason for a mean slip of a piece [first, last) above the limit for its mean pelvis speed."""
     limit = settings.slip_limit_m_s + settings.slip_per_speed * speed_m_s
     if slip <= limit:
         return []
@@ -109,14 +109,14 @@ def of_slip(
 
 
 def of_skating(one: Skating, fps: float, settings: ContactSettings) -> Reason:
-    """A stretch in which the foot that carries the body slides."""
+    """Reason for a stretch in which the supporting foot slides."""
     speed_m_s, limit = one.speed_m_s, settings.skate_limit_m_s
     text = f"standing feet slide at {speed_m_s:.3f} m/s, allowed are {limit:g} m/s; {CUT}"
     return refused("foot_skate", text, (one.start, one.stop), fps, speed_m_s, limit, "m/s")
 
 
 def of_planting(found: Planted, first: int, last: int, fps: float, settings: ContactSettings) -> Reason:
-    """That the feet of a stretch [first, last) slid slowly and were planted."""
+    """Reason that states that slowly sliding feet of a stretch [first, last) were planted."""
     text = (
         f"frames {first}-{last - 1}: standing feet slide; the body is moved so that they stand, at "
         f"{found.mean_m_s:.3f} m/s on average, {found.way_m:.2f} m in all"
@@ -126,7 +126,7 @@ def of_planting(found: Planted, first: int, last: int, fps: float, settings: Con
 
 
 def of_flight(contacts: Contacts, frames: tuple[int, int], fps: float, settings: ContactSettings) -> list[Reason]:
-    """Whether the feet of a piece [first, last) never stand for longer than people fly."""
+    """Reason for a flight phase in a piece [first, last) that is too long for a person."""
     flights = time_series.runs(np.all(~contacts, axis=1))
     longest = max((stop - start for start, stop in flights), default=0) / fps
     if longest <= settings.longest_flight_s:
@@ -136,7 +136,7 @@ def of_flight(contacts: Contacts, frames: tuple[int, int], fps: float, settings:
 
 
 def too_short(first: int, last: int, fps: float, min_seconds: float) -> Reason:
-    """A stretch that is left over between defects."""
+    """Reason for a stretch between defects that is too short."""
     seconds = (last - first) / fps
     text = f"{seconds:.2f} s are left, at least {min_seconds:g} s are needed"
     return refused("too_short", text, (first, last), fps, seconds, min_seconds, "s")
@@ -151,13 +151,13 @@ def refused(
     limit: float | None = None,
     unit: str = "",
 ) -> Reason:
-    """A stretch of frames [first, last) that is not kept."""
+    """Reason for a rejected stretch of frames [first, last)."""
     text = f"frames {frames[0]}-{frames[1] - 1}: {text}"
     return Reason.of_frames(code, text, "rejected", frames, fps, value=value, limit=limit, unit=unit)
 
 
 def _merged(defects: list[Defect]) -> Iterable[Defect]:
-    """Defects of one kind at the same frames as one."""
+    """Merge defects of one kind at the same frames."""
     groups: dict[tuple[str, int, int], list[Defect]] = defaultdict(list)
     for one in defects:
         groups[one.code, one.start, one.stop].append(one)

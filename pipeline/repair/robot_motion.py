@@ -1,7 +1,7 @@
-"""KP2 for trajectories that are a robot's already: finite, no jumps, limits, placed like all others.
+"""KP2 for robot trajectories: check for non-finite values, jumps and joint limits, and place the pieces.
 
-A sole touches within a few millimetres of where soles stand in the clip; how few follows from how much the
-height of standing soles varies there. So neither the height of the floor nor noise has to be known.
+A sole is in contact within a few millimetres of the stance height of the clip's soles. This margin is derived from the
+spread of the soles' stance heights, so that neither the floor height nor the noise has to be known.
 """
 
 import dataclasses
@@ -23,13 +23,14 @@ from pipeline.repair.tree import FrameMask
 from pipeline.robot import Robot
 
 BAND = 0.01
-"""Width of the band of heights in which soles stand [m]."""
+"""Width of the height band of soles in stance [m]."""
 SPREADS, LEAST, MOST = 2.0, 0.0015, 0.01
-"""A sole touches below this many times the spread of standing soles' heights over their median, within these [m]."""
+"""Contact margin over the median stance height: `SPREADS` times the spread of stance heights, clipped to
+`LEAST` ... `MOST` [m]."""
 FASTEST = 1.5
-"""A corner faster than this over the ground does not stand [m/s]."""
+"""Horizontal speed above which a corner is not in stance [m/s]."""
 SHORTEST_S = 0.04
-"""Contacts and gaps shorter than this are not believed."""
+"""Contacts and gaps shorter than this are ignored [s]."""
 
 
 def label_robot_contacts(clip: RobotClip, robot: Robot) -> Contacts:
@@ -49,12 +50,11 @@ QUAT_NORM_CHANGE = 0.01
 
 
 def process_robot(clip: RobotClip, start: int, stop: int, *, settings: RepairSettings, robot: Robot | None) -> Outcome:
-    """The window of a robot's trajectory without frames that no robot can show.
+    """Repair the window [start, stop) of a robot's trajectory.
 
     Spikes of a frame or two are filled. Frames of longer dropouts, frames that are not finite and frames whose joints
     move faster than a jump are cut.
-    Joint limits passed by a little are clamped where the robot is given; more than that is the feasibility stage's
-    matter.
+    With a robot, small violations of joint limits are clamped; larger ones are left to the feasibility stage.
     """
     speed_limit = _speed_limit(clip, robot, settings.robot)
     clip, spikes = without_spikes(clip)
@@ -119,7 +119,7 @@ def _bad_frames(clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout
 
 
 def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> tuple[RobotClip, list[Reason]]:
-    """The clip with joints that pass their limits by a little put on them."""
+    """Clamp joint angles that exceed their limits by at most `settings.clamp`."""
     if robot is None:
         return clip, []
     over = np.maximum(clip.joint_pos - robot.joint_upper, robot.joint_lower - clip.joint_pos)
@@ -138,7 +138,8 @@ def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> t
 
 
 def _placed(clip: RobotClip, first: int, settings: RepairSettings) -> Piece:
-    """The piece heading +x from the origin; its height stays, the soles' height is the feasibility stage's."""
+    """Move the piece to the origin with heading +x; its height is kept, as the feasibility stage checks the soles'
+    height."""
     quat_w = rotation.make_continuous(rotation.normalize(clip.root_quat_w))
     heading = mean_heading(quat_w[: max(1, round(settings.heading_s * clip.fps))])
     back = rotation.about_z(-heading)

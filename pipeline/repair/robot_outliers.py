@@ -24,37 +24,37 @@ from pipeline.repair import reasons
 from pipeline.repair.tree import FrameMask
 
 LEAST_JOINT, LEAST_TURN, LEAST_PLACE = 0.08, 0.05, 0.015
-"""Smallest spike of a joint [rad], of the root's rotation [rad] and of its position [m]: ankles that land leave
-their neighbours by 0.06 rad at 50 Hz."""
+"""Smallest spike of a joint [rad], of the root's rotation [rad] and of its position [m]: at touchdown, an
+ankle deviates from its neighbour frames by 0.06 rad at 50 Hz."""
 TIMES_USUAL = 8.0
-"""A spike is off by more than this many times the median of what frames nearby are off."""
+"""A spike's deviation exceeds the median deviation of nearby frames by at least this factor."""
 NEAR_S = 0.5
-"""Nearby [s]."""
+"""Time range of nearby frames [s]."""
 LONGEST = 2
-"""Frames of a spike at most."""
+"""Most frames of a spike."""
 LEAST_STEPS = {"rad": 0.12, "m": 0.04}
-"""Smallest step at the edges of a dropout: twice what an ankle that lands does in a frame at 50 Hz."""
+"""Smallest step at the edges of a dropout: twice the step of an ankle at touchdown at 50 Hz."""
 TIMES_BESIDE = 3.0
-"""A step of a dropout is off by more than this many times the steps before and after it."""
+"""A step at the edge of a dropout exceeds the steps before and after it by this factor."""
 MOST_DIFFERENCE = 0.35
 """The steps at both edges differ by no more than this share of the larger one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dropout:
-    """Frames [start, stop) in which a joint or the root is elsewhere."""
+    """Frames [start, stop) in which a joint or the root is away from its motion."""
 
     start: int
     stop: int
     what: str
     """`joint 'Left_Knee_Pitch'`, `the root`, …"""
     size: float
-    """Of the larger of the steps at its edges."""
+    """Size of the larger step at the edges, in `unit`."""
     unit: str
     """`rad` or `m`."""
 
     def reason(self, fps: float) -> Reason:
-        """Why the frames are cut."""
+        """The reason for cutting the frames."""
         text = f"{self.what} jumps by {self.size:.3f} {self.unit} and back; {reasons.CUT}"
         limit = LEAST_STEPS[self.unit]
         return reasons.refused("dropout", text, (self.start, self.stop), fps, self.size, limit, self.unit)
@@ -62,7 +62,7 @@ class Dropout:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """A quantity of a robot's motion in which spikes and dropouts are sought."""
+    """A quantity of a robot's motion that is checked for spikes and dropouts."""
 
     what: str
     """`joint 'Left_Knee_Pitch'`, `the root`, …"""
@@ -88,7 +88,7 @@ def _quantities(clip: RobotClip) -> list[Quantity]:
 
 
 def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
-    """The clip with its spikes filled from the frames around, and a reason for each. Missing frames are left alone."""
+    """Fill spikes from the surrounding frames, with a reason for each. Missing frames are not changed."""
     joints, pos, quat = clip.joint_pos.copy(), clip.root_pos_w.copy(), clip.root_quat_w.copy()
     gathered = []
     for one, filled in zip(_quantities(clip), [*joints.T[:, :, None], pos, quat], strict=True):
@@ -107,7 +107,7 @@ def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
 
 
 def find_dropouts(clip: RobotClip, longest_s: float) -> list[Dropout]:
-    """Dropouts of joints and root, the first one first, of at most `longest_s` [s]."""
+    """Dropouts of joints and root of at most `longest_s` [s], in temporal order."""
     longest = max(round(longest_s * clip.fps), LONGEST + 1)
     found = [
         Dropout(start=start, stop=stop, what=one.what, size=step, unit=one.unit)
@@ -149,7 +149,7 @@ def _dropouts(one: Quantity, fps: float, longest: int) -> list[tuple[int, int, f
 
 
 def _quat_angle(change: Float[np.ndarray, "t 4"]) -> Float[np.ndarray, " t"]:
-    """Half the angle of a small turn is the length of its quaternion's change."""
+    """Angle [rad] of a small rotation: twice the norm of the quaternion's change."""
     return 2.0 * np.linalg.norm(change, axis=-1)
 
 
@@ -177,13 +177,13 @@ def _spikes(one: Quantity, fps: float) -> list[tuple[int, int]]:
 
 
 def _peaks(off: Float[np.ndarray, " t"]) -> FrameMask:
-    """Frames at which a quantity is largest of three on each side."""
+    """Local maxima: frames whose value is the largest within three frames on each side."""
     padded = np.pad(off, 3)
     return off >= np.max([padded[shift : shift + len(off)] for shift in range(7)], axis=0)
 
 
 def _comes_back(size, values: Float[np.ndarray, "t d"], start: int, length: int, off: float) -> bool:
-    """A jump out and one back, each larger than the steps around, and the way over the spike is short against it."""
+    """Whether a spike has a jump out and one back, both larger than the steps around, and a small net displacement."""
     stop = start + length
     out, back = values[start] - values[start - 1], values[stop] - values[stop - 1]
     over, before = values[stop] - values[start - 1], values[start - 1] - values[start - 2]
@@ -196,7 +196,7 @@ def _comes_back(size, values: Float[np.ndarray, "t d"], start: int, length: int,
 
 
 def _cubic(values: Float[np.ndarray, "t d"], starts: np.ndarray, length: int, place: int) -> Float[np.ndarray, "n d"]:
-    """What the two frames before and the two after stretches of `length` frames say of their frame `place`."""
+    """Value at frame `place` of stretches of `length` frames, by the cubic through two frames before and two after."""
     times = np.array([-2.0, -1.0, length, length + 1.0])
     weights = [np.prod([(place - other) / (time - other) for other in times if other != time]) for time in times]
     frames = (starts - 2, starts - 1, starts + length, starts + length + 1)
@@ -204,7 +204,7 @@ def _cubic(values: Float[np.ndarray, "t d"], starts: np.ndarray, length: int, pl
 
 
 def _bridge(values: Float[np.ndarray, "t d"], start: int, stop: int) -> Float[np.ndarray, "n d"]:
-    """The frames [start, stop) as those around them say."""
+    """Frames [start, stop) interpolated from the surrounding ones."""
     return np.concatenate([_cubic(values, np.array([start]), stop - start, place) for place in range(stop - start)])
 
 

@@ -1,4 +1,4 @@
-"""What KP2 takes for damaged, how far it repairs, and what it rejects."""
+"""Settings of KP2, read from `data/repair.yaml`: limits for defects, repair and rejection."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -9,65 +9,66 @@ from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, POSITIVE, OneOf, Ra
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSettings:
-    """Limits of what a body does from one frame to the next."""
+    """Limits for the change of a body's pose from one frame to the next."""
 
     bone_change: Annotated[float, PART]
-    """Largest change of a limb bone's length against the clip's median, as a share of it."""
+    """Largest deviation of a limb bone's length from the clip's median, as a share of it."""
     loose_bone_change: Annotated[float, PART]
-    """The same for bodies whose bone spans several joints of the source (spine, collar bone)."""
+    """`bone_change` for bodies whose bone spans several joints of the source (spine, collar bone)."""
     quat_norm_change: Annotated[float, PART]
     """Largest deviation of a quaternion's norm from 1."""
     position_jump: Annotated[float, POSITIVE]
-    """Smallest jump of a body's place in its parent's frame that counts [m]."""
+    """Smallest jump of a body's position in its parent's frame that counts [m]."""
     root_jump: Annotated[float, POSITIVE]
     """Smallest jump of the pelvis in the world that counts [m]."""
     angle_jump: Annotated[float, POSITIVE]
     """Smallest jump of a body's orientation in its parent's frame that counts [rad]: of hands, feet and the head."""
     least_angle: Annotated[float, POSITIVE]
-    """The same of bodies that carry others and move them far by a small turn [rad]."""
+    """Lower bound of that limit for bodies that carry others and move them far by a small rotation [rad]."""
     lever_jump: Annotated[float, POSITIVE]
-    """Way of the furthest joint below a body that makes its turn count, between these two [m]."""
+    """Displacement of the furthest joint below a body for which its rotation counts, between these two limits [m]."""
     angular_speed: Annotated[float, POSITIVE]
-    """A joint that turns faster jumps, however steadily [rad/s]."""
+    """Angular speed above which a joint counts as jumping, however steady it is [rad/s]."""
     jump_spread: Annotated[float, Range(1.0)]
     """A jump also has to exceed this many times the 95th percentile of the clip's own unsteadiness."""
     spike_turn: Annotated[float, POSITIVE]
-    """Smallest angle by which a body is off what the frames around a short gap say that counts as a spike [rad]; of
-    bodies that carry others less, as of jumps."""
+    """Smallest deviation of a body's orientation from the interpolation of the frames around that counts as a spike
+    [rad]; smaller for bodies that carry others, as for jumps."""
     spike_spread: Annotated[float, Range(1.0)]
-    """A spike also has to exceed this many times the 95th percentile of the clip's own misses."""
+    """A spike also has to exceed this many times the 95th percentile of the clip's own interpolation errors."""
     noise_turn: Annotated[float, POSITIVE]
-    """A body that misses by more than this in most frames shakes [rad]; less where it carries others, as of jumps."""
+    """Interpolation error above which, in most frames, a body shakes [rad]; smaller if it carries others, as for
+    jumps."""
     noise_place: Annotated[float, POSITIVE]
-    """The same of its place in the parent's frame [m]."""
+    """Interpolation error of the position in the parent's frame above which a body shakes [m]."""
     noise_share: Annotated[float, PART]
-    """Share of the frames of a window that are off where a body shakes."""
+    """Share of a window's frames with such an error from which the body shakes."""
     noise_s: Annotated[float, POSITIVE]
-    """Length of that window [s]; shorter shaking is a number of spikes."""
+    """Length of that window [s]; shorter shaking is reported as spikes."""
     longest_spike_s: Annotated[float, NOT_NEGATIVE]
-    """A joint that jumps away and comes back within this time was lost between; longer is two cuts."""
+    """Longest time between a joint's jump and its return for which the frames between are lost; otherwise two cuts."""
     opening_s: Annotated[float, NOT_NEGATIVE]
-    """Frames before a jump this soon after the start (or this late) are a bind pose and not motion."""
+    """A jump within this time of the start (or end) separates a bind pose from the motion [s]."""
     still_step: Annotated[float, POSITIVE]
-    """A body that moves less than this from frame to frame is frozen [m] or [rad]; far below any noise."""
+    """Step size below which a body is still [m] or [rad]; far below measurement noise."""
     release_turn: Annotated[float, POSITIVE]
-    """A joint at rest to the last bit is left, or taken up, by no larger jump unless it is held [rad]."""
+    """Largest jump with which a joint enters or leaves an exactly constant pose without counting as frozen [rad]."""
     release_place: Annotated[float, POSITIVE]
-    """The same of a joint's place in the world [m]."""
+    """`release_turn` for a joint's position in the world [m]."""
     short_release_turn: Annotated[float, POSITIVE]
-    """Jumps on both sides of fewer equal frames than `still_frames` that tell of a held joint [rad]."""
+    """Jumps on both sides above which fewer equal frames than `still_frames` count as frozen [rad]."""
     still_frames: Annotated[int, COUNT]
     """Smallest number of equal frames of a single joint that count as frozen."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FillSettings:
-    """How long a gap may be."""
+    """Longest gaps that are filled."""
 
     short_gap_s: Annotated[float, NOT_NEGATIVE]
-    """Up to this a gap is filled by a polynomial through its surroundings."""
+    """Longest gap that is filled by a polynomial [s]."""
     longest_gap_s: Annotated[float, NOT_NEGATIVE]
-    """Up to this a gap is filled from similar moments of the same clip, and flagged; longer is cut."""
+    """Longest gap that is filled from similar motion of the same clip, and flagged; longer gaps are cut [s]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "short_gap_s", "longest_gap_s"))
@@ -75,18 +76,18 @@ class FillSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FloorSettings:
-    """Where the ground is."""
+    """Estimation of the ground height."""
 
     ball_height: Annotated[float, Range(0.0, 0.2)]
-    """Height of the ball of the foot's joint over the ground in stance [m]: what z = 0 means."""
+    """Height of the joint at the ball of the foot above the ground in stance [m]; defines z = 0."""
     band: Annotated[float, POSITIVE]
-    """Width of the band of heights that is searched for the most stance frames [m]."""
+    """Width of the height band with the most stance frames [m]."""
     slow_m_s: Annotated[float, POSITIVE]
-    """A toe slower than this may stand."""
+    """Speed below which a toe may be in stance [m/s]."""
     drift_limit: Annotated[float, NOT_NEGATIVE]
-    """Change of the ground's height over the clip that is taken out [m]."""
+    """Change of the ground height over the clip from which it is removed [m]."""
     offset_limit: Annotated[float, NOT_NEGATIVE]
-    """Height of the ground from which on it is reported [m]; it is removed in any case."""
+    """Ground height above which it is reported [m]; it is removed in any case."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,37 +95,37 @@ class SmoothSettings:
     """Zero-phase low pass."""
 
     cutoff_hz: Annotated[float, Range(0.5, 1000.0)]
-    """For all skills but the fast ones."""
+    """Cutoff for all skills except the fast ones [Hz]."""
     fast_cutoff_hz: Annotated[float, Range(0.5, 1000.0)]
-    """For the fast skills."""
+    """Cutoff for the fast skills [Hz]."""
     fast_skills: Annotated[tuple[str, ...], OneOf(LABELS)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSettings:
-    """When a foot is on the ground, and when it slides."""
+    """Limits for foot contacts and foot slip."""
 
     height: Annotated[float, POSITIVE]
-    """Ball or heel lower than this over its own stance height [m]."""
+    """Height above a point's own stance height below which it may be in contact [m]."""
     speed_floor_m_s: Annotated[float, NOT_NEGATIVE]
-    """Slower than this is always slow, however clean the clip."""
+    """Lower bound of the adaptive speed limit of a contact [m/s]."""
     speed_on_m_s: Annotated[float, POSITIVE]
-    """A point slower than this begins a contact, in the noisiest clip."""
+    """Upper bound of the adaptive speed limit below which a contact begins [m/s]."""
     speed_off_m_s: Annotated[float, POSITIVE]
-    """A point faster than this ends it."""
+    """Speed above which a contact ends [m/s]."""
     shortest_s: Annotated[float, NOT_NEGATIVE]
-    """Contacts and gaps shorter than this are smoothed over."""
+    """Contacts and gaps shorter than this are removed [s]."""
     slip_limit_m_s: Annotated[float, NOT_NEGATIVE]
-    """Largest mean speed of the planted point of a standing foot of a person who stands still."""
+    """Largest mean slip of the feet in contact when the person stands still [m/s]."""
     slip_per_speed: Annotated[float, NOT_NEGATIVE]
-    """What is added to it for each m/s of the pelvis [(m/s)/(m/s)]."""
+    """Increase of the slip limit with the pelvis speed [(m/s)/(m/s)]."""
     skate_limit_m_s: Annotated[float, POSITIVE]
-    """A stretch is cut in which the slowest point near the ground hardly ever is slower than this."""
+    """A stretch is cut if the slowest point near the ground is rarely slower than this [m/s]."""
     plant_m_s: Annotated[float, NOT_NEGATIVE]
-    """Feet that slide no faster than this are planted by moving the whole body, by this speed at most. To the mean over
-    a stretch `slip_per_speed` is added, as it is to `slip_limit_m_s`."""
+    """Largest slip that is corrected by moving the whole body, and largest speed of that correction [m/s]. For the mean
+    over a stretch, the limit grows with `slip_per_speed`, as `slip_limit_m_s` does."""
     longest_flight_s: Annotated[float, NOT_NEGATIVE]
-    """Both feet off the ground for longer than this is no gait of a person."""
+    """Longest plausible flight phase of a person [s]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "speed_floor_m_s", "speed_on_m_s", "speed_off_m_s"))
@@ -132,14 +133,14 @@ class ContactSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotSettings:
-    """Trajectories that are a robot's already."""
+    """Limits for robot trajectories."""
 
     speed_limit_share: Annotated[float, POSITIVE]
-    """Joint steps above this share of the motor's speed limit are jumps."""
+    """Share of the motor's speed limit above which a joint step is a jump."""
     default_speed_limit: Annotated[float, POSITIVE]
-    """Speed limit where no robot is given [rad/s]."""
+    """Joint speed limit without a robot [rad/s]."""
     clamp: Annotated[float, NOT_NEGATIVE]
-    """Joint limits passed by no more than this are clamped [rad]."""
+    """Largest violation of a joint limit that is clamped [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +154,6 @@ class RepairSettings:
     contact: ContactSettings
     robot: RobotSettings
     min_seconds: Annotated[float, Range(0.0, 60.0, open_low=True)]
-    """Shorter pieces are dropped."""
+    """Duration below which pieces are dropped [s]."""
     heading_s: Annotated[float, NOT_NEGATIVE]
-    """The piece's heading is the mean facing of its first seconds."""
+    """Time at the start of a piece over which the pelvis's facing is averaged to get its heading [s]."""

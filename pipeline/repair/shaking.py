@@ -1,8 +1,8 @@
-"""Shaking: stretches in which bodies are off what their neighbours in time say, frame after frame.
+"""Detect shaking: stretches in which bodies deviate from the interpolation of their neighbour frames continuously.
 
-That a body shakes shows in a window most of whose frames are off. Where it begins and ends is a question of its own:
-a bad frame disturbs the bridges of two frames on either side, by a known share, and motion misses a little, too. Of all
-places where the scale of the misses may change, that is taken which explains what all bodies miss there best.
+A body shakes in a window in which most frames have a large interpolation error. The edges are located separately: a bad
+frame also affects the interpolation at two frames on either side, by a known share, and normal motion has small errors,
+too. The edge is the change point of the error's scale with the largest likelihood over all bodies.
 """
 
 import numpy as np
@@ -12,31 +12,31 @@ from pipeline import time_series
 from pipeline.repair.defect import Defect, spans
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import FrameMask
-from pipeline.repair.unsteadiness import REACH, Seen, slow_rate, turn_limits
+from pipeline.repair.unsteadiness import REACH, MotionFeatures, slow_rate, turn_limits
 
 NOISE_SPREAD, OFTEN_PERCENTILE = 3.0, 75.0
-"""A body shakes where it misses by so many times what it does in a quarter of all other frames."""
+"""A body shakes where its error exceeds `NOISE_SPREAD` times this percentile of its errors in all other frames."""
 FEWEST_FRAMES = 7
-"""Of a window that may be shaking."""
+"""Least number of frames of a shaking window."""
 SPILL: tuple[float, ...] = (0.12, 0.49, 0.87, 0.99)
-"""Share of its full size that the miss of shaking has in the two frames before the first that shakes and in that and
-the next one: white noise through the bridge's weights (-1, 4, 6, 4, -1) / 6."""
+"""Share of the full error in the two frames before the first shaking frame, in that frame and in the next one: white
+noise through the interpolation weights (-1, 4, 6, 4, -1) / 6."""
 MEDIAN_SIZE, QUARTER_SIZE = 1.54, 2.03
-"""Sizes of a normal vector in space that half and three quarters stay below, per standard deviation of an axis."""
+"""Median and upper quartile of the norm of a 3D normal vector with unit variance per axis."""
 CLEARLY = 3.0
-"""What tells of an edge is so many times as rough inside as outside, and what shakes along is, too."""
+"""Ratio of the errors inside and outside from which a body is used for an edge, or counts as shaking too."""
 FREEDOM = 3.0
-"""Degrees of freedom of Student's distribution, whose tails let single frames of motion miss by much."""
+"""Degrees of freedom of the Student distribution of errors; its tails allow large errors in single frames."""
 
 Sizes = Float[np.ndarray, "t n"]
 
 
-def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
-    """Stretches in which bodies shake: most frames are off what their neighbours say (`noise`)."""
+def find_noise(features: MotionFeatures, fps: float, settings: DetectionSettings) -> list[Defect]:
+    """Stretches in which bodies shake: most frames deviate from the interpolation of their neighbours (`noise`)."""
     width = max(FEWEST_FRAMES, 2 * round(settings.noise_s * fps / 2.0) + 1)
-    if len(seen.pos_w) < width:
+    if len(features.pos_w) < width:
         return []
-    turn, place = seen.misses
+    turn, place = features.misses
     least = turn_limits(settings)
     turn_limit = least * (settings.noise_turn / settings.angle_jump) * slow_rate(fps)
     place_limit = np.full(place.shape[1], settings.noise_place)
@@ -61,7 +61,7 @@ def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defe
 
 
 def _stretches(rough: FrameMask, width: int, settings: DetectionSettings) -> list[tuple[int, int]]:
-    """From the first to the last rough frame of windows most of whose frames are rough."""
+    """Stretches from the first to the last rough frame of windows with mostly rough frames."""
     if rough.sum() < settings.noise_share * width:
         return []
     result = []
@@ -74,7 +74,7 @@ def _stretches(rough: FrameMask, width: int, settings: DetectionSettings) -> lis
 
 
 def _usual(size: Float[np.ndarray, " t"], stretches: list[tuple[int, int]], width: int) -> float:
-    """What a body misses by in three quarters of the frames outside `stretches`; of all frames where those are few."""
+    """75th percentile of a body's error outside `stretches`, or over all frames if few are outside."""
     outside = np.ones(len(size), dtype=bool)
     for start, stop in stretches:
         outside[max(start - width // 2, 0) : stop + width // 2] = False
@@ -84,7 +84,8 @@ def _usual(size: Float[np.ndarray, " t"], stretches: list[tuple[int, int]], widt
 def _located(
     sizes: Sizes, limits: Float[np.ndarray, " n"], start: int, stop: int, width: int
 ) -> tuple[int, int, Bool[np.ndarray, " b"]]:
-    """First and last frame [first, last) of the shaking, and bodies that shake along; `sizes`: turns, then places."""
+    """Frames [first, last) of the shaking, and the bodies that shake; `sizes`: errors of rotations, then of
+    positions."""
     others = np.concatenate([sizes[: max(start - width, 0)], sizes[stop + width :]])
     others = others if len(others) >= width else sizes
     inner = slice(min(start + 1, stop - 1), max(stop - 1, start + 2))
@@ -102,7 +103,7 @@ def _located(
 
 
 def _first(sizes: Sizes, scales: tuple[np.ndarray, np.ndarray], start: int, width: int) -> int:
-    """The first frame that shakes, of those within `width` of `start`: `sizes` end in the middle of the shaking."""
+    """The first shaking frame within `width` of `start`; `sizes` end in the middle of the shaking."""
     inside, outside = scales
     low = max(start - width, 0)
     frames = np.arange(low, len(sizes))

@@ -1,15 +1,15 @@
-"""Feet that slide: stretches in which the foot that carries the body slides over the ground, and planting.
+"""Detect foot skating (a supporting foot that slides over the ground), and plant slowly sliding feet.
 
-At every moment of a walk some point of the feet is planted, and in a run one is in most of a stride. The slowest of
-the points that are near the ground therefore stands still again and again; where it does not for most of a second,
-the feet slide, whatever else they do.
+In walking, some point of the feet is always planted; in running, for most of a stride. The slowest point near the
+ground is therefore at rest repeatedly. If it is not for most of a second, the feet slide.
 
-Where a glide begins shows in the whole body as well: every joint takes up the glide's velocity in one step. Nobody
-pushes off so fast; where such a kick is seen it is the edge, elsewhere it is where what the feet tell changes.
+The start and end of a slide also show in the whole body: all joints gain the slide's velocity in a single step, which
+no person can do. Where such a velocity step exists, it is the edge; otherwise the edge is where the feet's evidence
+changes sign.
 
-Feet that slide slowly are planted: the whole body is moved against the slide. A skeleton whose legs are longer or
-shorter than its person's makes standing feet slide in step with the walk, by 0.10 to 0.15 m/s in much of CMU's data.
-All joint angles are right there; only the body's way over the ground is not.
+Slowly sliding feet are planted by moving the whole body against the slide. If the legs of the skeleton are longer or
+shorter than the person's, feet in stance slide periodically, by 0.10 to 0.15 m/s in many CMU clips. The joint angles
+are correct there; only the body's path over the ground is wrong.
 """
 
 import dataclasses
@@ -27,30 +27,31 @@ from pipeline.repair.settings import ContactSettings
 from pipeline.repair.tree import Positions
 
 WINDOW_S, STILL_PERCENTILE = 0.8, 20.0
-"""The slowest fifth of a window this long tells whether a foot stands in it [s]."""
+"""Window length [s] and percentile of the speed in it that shows whether a foot is in stance."""
 REACH_S = 0.8
-"""An edge is sought so far from where such windows begin and end [s]."""
+"""Search range for an edge around the start and the end of such windows [s]."""
 REST_S = 0.2
-"""What is shorter at the clip's ends than a stance tells nothing and goes along [s]."""
+"""A remainder at the clip's ends shorter than this (a stance) is added to the slide [s]."""
 SWINGING = 2.0
-"""What is so many times as fast as the slowest fifth swings."""
+"""Speed relative to the slowest fifth above which a point swings."""
 TELLING = 1.5
-"""A point that is more than so many times as fast as the sliding feet tells of neither standing nor sliding."""
+"""Speed relative to the sliding feet above which a point is evidence for neither stance nor sliding."""
 STEADY = 0.5
-"""What changes its speed from frame to frame by more than this share of theirs does not slide along."""
+"""Change of speed per frame, relative to the sliding speed, above which a point is not sliding."""
 LOOKS, STRAIGHT = 4, 0.7
-"""A glide is sought from itself so often; it has a direction where the mean keeps this share of the speed."""
+"""Iterations for the slide's velocity, and ratio of mean velocity to mean speed from which it has a direction."""
 NEAR = 0.5
-"""A point stands, or glides along, that is this share of the glide off."""
+"""Deviation from zero (stance) or from the slide's velocity (sliding), as a share of it, up to which a point
+matches."""
 KICK_S = 0.4
-"""A kick is sought so far from where what the feet tell changes [s]."""
+"""Search range for a velocity step of the body around the edge given by the feet [s]."""
 KICK_OFF, KICK_SPREAD, MOST_BODIES = 0.75, 0.6, 75.0
-"""It is no more than this share of the glide's velocity off it, and of so many per cent of the bodies no more than that
-share of itself off theirs."""
+"""Limits of a velocity step, as shares: its deviation from the slide's velocity, the deviation of the bodies' steps
+from it, and the percentile of the bodies that must satisfy this."""
 KEPT_S = 0.05
-"""The pelvis does not lose all of it again within this time [s]: a spike is a kick, too."""
+"""Time for which the pelvis must keep the velocity step [s]; otherwise it is a spike."""
 FAST = 9.0
-"""Stands for a frame in which no point is near the ground [m/s]."""
+"""Speed that represents a frame without a point near the ground [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +64,9 @@ class Skating:
 
 
 def find_skating(feet: Feet, pos_w: Positions, fps: float, settings: ContactSettings) -> list[Skating]:
-    """Stretches of a clip in which no foot stands still although they are on the ground.
+    """Stretches of a clip in which feet are on the ground but none is at rest.
 
-    `feet` may be smoothed; `pos_w` are the bodies as they were recorded, in which a glide begins within a frame.
+    `feet` may be low-passed; `pos_w` are the recorded body positions [m], in which a slide starts within one frame.
     """
     speed = support_speed(feet, fps, settings)
     width = min(2 * round(WINDOW_S * fps / 2.0) + 1, len(speed))
@@ -80,7 +81,7 @@ def find_skating(feet: Feet, pos_w: Positions, fps: float, settings: ContactSett
         inside = speed[start:stop]
         grounded = inside[inside < FAST]
         if not len(grounded):
-            continue  # in the air: nothing slides; whether that may be is judged by the flight's length
+            continue  # in the air nothing slides; the length of flight phases is checked elsewhere
         fifth = float(usual[start:stop].max())
         sliding = float(np.clip(np.median(grounded), fifth, SWINGING * fifth))
         glide = _glide(velocity, slice(start, stop), sliding)
@@ -103,8 +104,8 @@ def find_skating(feet: Feet, pos_w: Positions, fps: float, settings: ContactSett
 def _slowest_fifth(speed: Float[np.ndarray, " t"], width: int) -> Float[np.ndarray, " t"]:
     """The `STILL_PERCENTILE` of the frames of a window in which a point is near the ground; `FAST` where none is.
 
-    Frames in the air say nothing about standing: in a fast run at 30 Hz they leave two or three frames of a stride in
-    which the foot is still. At the ends the window repeats the last frame.
+    Frames in the air are not counted: in a fast run at 30 Hz the foot is at rest in only two or three frames of a
+    stride. At the clip's ends the window repeats the last frame.
     """
     half = width // 2
     windows = np.sort(sliding_window_view(np.pad(speed, (half, width - 1 - half), mode="edge"), width), axis=1)
@@ -119,9 +120,9 @@ def support_speed(feet: Feet, fps: float, settings: ContactSettings) -> Float[np
 
 
 def _height(feet: Feet, fps: float) -> Float[np.ndarray, "t 4"]:
-    """Height of balls and heels over the ground that is near in time [m].
+    """Height of balls and heels above the local ground, the lowest point around each frame [m].
 
-    Feet that slide all along tell no ground; where none comes down to it for a while it is where the lowest is.
+    A clip whose feet always slide has no stance heights, so the ground is estimated from the lowest points.
     """
     height = np.concatenate([foot.height for foot in feet], axis=1)
     lowest = minimum_filter1d(height.min(axis=1), 2 * round(WINDOW_S * fps / 2.0) + 1, mode="nearest")
@@ -129,21 +130,21 @@ def _height(feet: Feet, fps: float) -> Float[np.ndarray, "t 4"]:
 
 
 def _kicked(pos_w: Positions, glide: Float[np.ndarray, " 2"], edges: tuple[int, int], fps: float) -> tuple[int, int]:
-    """First frame of a glide and the first after it, moved to where all bodies take up and lose its velocity."""
+    """Edges [start, stop) of a slide, moved to the frames in which all bodies gain and lose its velocity."""
     velocity = np.diff(pos_w[..., :2], axis=0) * fps  # into frames 1 ...
     change = np.diff(velocity, axis=0)  # into frames 2 ...
-    kicks = change[1:-1] - 0.5 * (change[:-2] + change[2:])  # into frames 3 ...: more than before and after
+    kicks = change[1:-1] - 0.5 * (change[:-2] + change[2:])  # into frames 3 ...: excess over the steps before and after
     reach, width, result, best = round(KICK_S * fps), max(1, round(KEPT_S * fps)), list(edges), np.inf
-    for look in range(2):  # once more by the clearer of the two kicks: it tells the glide better than the feet do
-        seen = glide
+    for look in range(2):  # then with the velocity of the clearer step, which is more precise than the feet's
+        estimate = glide
         for number, (edge, sign) in enumerate(zip(edges, (1.0, -1.0), strict=True)):
             first = max(edge - reach, 3)
             near = sign * kicks[first - 3 : edge + reach - 2]
             if not 0 < edge < len(pos_w) or not len(near):
                 continue
-            off, kick = _off(near, seen)
+            off, kick = _off(near, estimate)
             for frame in np.argsort(off, kind="stable")[: np.isfinite(off).sum()].tolist():
-                if sign * _taken(velocity[:, 0] @ seen, first + frame, width) > 0.0:
+                if sign * _taken(velocity[:, 0] @ estimate, first + frame, width) > 0.0:
                     result[number] = first + frame
                     if look == 0 and off[frame] < best:
                         best, glide = off[frame], kick[frame]
@@ -154,7 +155,8 @@ def _kicked(pos_w: Positions, glide: Float[np.ndarray, " 2"], edges: tuple[int, 
 def _off(
     kicks: Float[np.ndarray, "n 19 2"], glide: Float[np.ndarray, " 2"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 2"]]:
-    """How far each frame's kick of all bodies is from the glide's, infinite where it is none; and that kick [m/s]."""
+    """Deviation of each frame's velocity step from the slide's, infinite where there is no step; and that step
+    [m/s]."""
     kick = np.median(kicks, axis=1)
     off = np.linalg.norm(kick - glide, axis=-1) / np.linalg.norm(glide)
     apart = np.percentile(np.linalg.norm(kicks - kick[:, None], axis=-1), MOST_BODIES, axis=1)
@@ -163,12 +165,12 @@ def _off(
 
 
 def _taken(speed: Float[np.ndarray, " s"], frame: int, width: int) -> float:
-    """Mean of `width` steps from that into `frame` on, less that of those before it."""
+    """Mean over `width` steps from the step into `frame`, minus the mean over the steps before it."""
     return float(speed[frame - 1 : frame - 1 + width].mean() - speed[max(frame - 1 - width, 0) : frame - 1].mean())
 
 
 def _evidence_of(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, " t"]:
-    """What each frame tells: 1 of feet that slide at `sliding` [m/s], -1 of one that stands, 0 where all swing."""
+    """Evidence of each frame: 1 for sliding at `sliding` [m/s], -1 for stance, 0 where both feet swing."""
     share = speed / sliding
     return _steady(np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0), share)
 
@@ -180,7 +182,7 @@ def _near_ground(feet: Feet, fps: float, settings: ContactSettings) -> Float[np.
 
 
 def _glide(velocity: Float[np.ndarray, "t 4 2"], span: slice, sliding: float) -> Float[np.ndarray, " 2"] | None:
-    """The velocity that one point or another keeps all along [m/s]; None where there is none so fast."""
+    """Velocity [m/s] that some point has in most frames; None if there is no such velocity of at least `sliding`."""
     inside, glide = velocity[span], np.zeros(2)
     for _ in range(LOOKS):
         apart = np.linalg.norm(inside - glide, axis=-1)
@@ -193,7 +195,7 @@ def _glide(velocity: Float[np.ndarray, "t 4 2"], span: slice, sliding: float) ->
 
 
 def _evidence_by_way(velocity: Float[np.ndarray, "t 4 2"], glide: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " t"]:
-    """What each frame tells: 1 where a point glides along at `glide` [m/s], -1 where one stands, 0 where all swing."""
+    """Evidence of each frame: 1 where a point moves at `glide` [m/s], -1 where one is at rest, 0 where all swing."""
     size = float(np.linalg.norm(glide))
     stands = np.linalg.norm(velocity, axis=-1).min(axis=1) / size
     glides = np.linalg.norm(velocity - glide, axis=-1).min(axis=1) / size
@@ -202,17 +204,17 @@ def _evidence_by_way(velocity: Float[np.ndarray, "t 4 2"], glide: Float[np.ndarr
 
 
 def _steady(evidence: Float[np.ndarray, " t"], share: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-    """What is as fast as the sliding feet but gains or loses speed is on its way, and tells nothing."""
+    """Set the evidence for sliding to 0 in frames where the point accelerates, i.e. swings."""
     return np.where(np.abs(np.gradient(share)) < STEADY, evidence, np.minimum(evidence, 0.0))
 
 
 def _most_evidence(evidence: Float[np.ndarray, " t"]) -> int:
-    """How many frames from the first on tell most together; the fewest that do."""
+    """Number of leading frames with the largest sum of evidence; the smallest such number."""
     return int(np.argmax(np.cumsum(evidence))) + 1
 
 
 PLANT_SMOOTH_S = 0.05
-"""The correcting velocity is smoothed over this time, so that the body takes no step [s]."""
+"""Time over which the correcting velocity is smoothed, for a continuous body velocity [s]."""
 PLANT_FADE_S = 0.1
 """Time over which the correcting velocity fades to zero beside the stretch that slides [s]."""
 
@@ -223,16 +225,16 @@ class Planted:
 
     clip: HumanClip
     mean_m_s: float
-    """Mean speed that was taken from the body [m/s]."""
+    """Mean speed of the correction [m/s]."""
     way_m: float
-    """How far the body is moved over the clip [m]."""
+    """Displacement of the body by the correction over the clip [m]."""
 
 
 def planted(clip: HumanClip, feet: Feet, contacts: Contacts, within: slice, highest_m_s: float) -> Planted:
-    """The clip moved over the ground so that feet in contact stand, by `highest_m_s` at most at any time.
+    """Move the clip over the ground so that feet in contact are at rest, by at most `highest_m_s`.
 
-    Of a standing foot the slower of ball and heel is planted; of two standing feet their mean. In flight the velocity
-    is interpolated. Outside `within` the velocity that is taken off fades to zero; frames beyond move along.
+    The slower of ball and heel of a foot in contact is planted; with both feet in contact, their mean. In flight the
+    velocity is interpolated. Outside `within` the correcting velocity fades to zero.
     """
     slide = _slide(feet, contacts)
     smooth = gaussian_filter1d(slide[within], PLANT_SMOOTH_S * clip.fps, axis=0, mode="nearest")
@@ -254,12 +256,12 @@ def planted(clip: HumanClip, feet: Feet, contacts: Contacts, within: slice, high
 
 
 def _fading(away_s: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-    """1 at no distance in time, 0 from `PLANT_FADE_S` on, without a step in value or slope."""
+    """Fade from 1 at 0 s to 0 at `PLANT_FADE_S`, with continuous slope."""
     return 1.0 - time_series.smoothstep(np.clip(away_s / PLANT_FADE_S, 0.0, 1.0))
 
 
 def _slide(feet: Feet, contacts: Contacts) -> Float[np.ndarray, "t 2"]:
-    """Velocity [m/s] along the ground of what stands, interpolated over frames in which nothing does."""
+    """Horizontal velocity [m/s] of the feet in contact, interpolated over frames without contact."""
     velocities = [_of_point(foot.along_ground, foot.horizontal.argmin(axis=1)) for foot in feet]
     count = contacts.sum(axis=1)
     stands = np.flatnonzero(count)

@@ -1,4 +1,4 @@
-"""Left and right limbs that changed places for a while."""
+"""Detect bones of wrong length, and left and right limbs that are exchanged for a while."""
 
 import numpy as np
 from jaxtyping import Bool
@@ -9,17 +9,17 @@ from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import CHILDREN, LIMB_ENDS, BodyMask, FrameMask, Positions, bone_lengths
 
 SMALLEST_CHANGE = 0.01
-"""A change of length that is always allowed [m]: 5 % of a foot is less than marker noise."""
+"""Length change that is always allowed [m]; 5 % of a foot would be less than marker noise."""
 
 
 def find_broken_bones(pos_w: Positions, lost: BodyMask, settings: DetectionSettings) -> list[Defect]:
-    """Frames in which a bone's length is off the clip's median (`bone_length`), with the joint that is to blame.
+    """Frames in which a bone's length deviates from the clip's median (`bone_length`), with the joint that causes it.
 
-    The median is that of frames of which nothing is `lost`.
+    The median is over frames without `lost` samples.
     """
     lengths = bone_lengths(pos_w)
-    seen = ~lost.any(axis=1)
-    median = np.median(lengths[seen] if seen.any() else lengths, axis=0)
+    valid = ~lost.any(axis=1)
+    median = np.median(lengths[valid] if valid.any() else lengths, axis=0)
     share = np.full(len(PARENT), settings.loose_bone_change)
     share[list(LIMB_ENDS)] = settings.bone_change
     broken = np.abs(lengths - median) > np.maximum(share * median, SMALLEST_CHANGE)
@@ -34,7 +34,7 @@ def find_broken_bones(pos_w: Positions, lost: BodyMask, settings: DetectionSetti
 
 
 def _to_blame(pattern: Bool[np.ndarray, " 19"]) -> list[int]:
-    """The fewest joints that touch all broken bones; of equals the one with all bones broken, then the lower."""
+    """The fewest joints that touch all broken bones; in a tie the one with all bones broken, then the lower one."""
     broken = {index for index in range(len(pattern)) if pattern[index]}
     chosen = []
     while broken:
@@ -51,11 +51,11 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "arms": ("shoulder", "elbow", "wrist"),
 }
 JUMP_SHARE = 0.3
-"""The exchanged sides continue the motion if they jump by less than this share of what the named ones do."""
+"""Jump of the exchanged sides, as a share of the jump with the given names, below which sides are exchanged."""
 SMALLEST_JUMP = 0.05
-"""Mean distance of a limb's joints from where they should be that an exchange has to explain [m]."""
+"""Least mean jump of a limb's joints that an exchange must explain [m]."""
 LONGEST_S = 2.0
-"""An exchange that lasts longer can't be distinguished from the person's own sides."""
+"""Longest exchange [s]; a longer one cannot be distinguished from the person's own sides."""
 
 
 def find_swapped(pos_w: Positions, fps: float) -> list[Defect]:
@@ -79,7 +79,7 @@ def find_swapped(pos_w: Positions, fps: float) -> list[Defect]:
 
 
 def swap_back(values: np.ndarray, defects: list[Defect]) -> np.ndarray:
-    """Values (t, 19, ...) of the bodies, such as positions or a mask of lost ones, with exchanged sides put right."""
+    """Swap the sides back in values (t, 19, ...) of the bodies, such as positions or a mask of lost samples."""
     result = values.copy()
     for defect in defects:
         if defect.code == "swapped_sides":
@@ -91,7 +91,7 @@ def swap_back(values: np.ndarray, defects: list[Defect]) -> np.ndarray:
 
 
 def _exchanged(left_w: np.ndarray, right_w: np.ndarray, fps: float) -> list[tuple[int, int]]:
-    """Frame ranges between two frames at which both sides jump to where the other one was."""
+    """Frame ranges between two frames at which both sides jump to each other's position."""
     toggles = np.flatnonzero(_toggles(left_w, right_w))
     ranges = []
     index = 0
@@ -106,16 +106,16 @@ def _exchanged(left_w: np.ndarray, right_w: np.ndarray, fps: float) -> list[tupl
 
 
 def _toggles(left_w: np.ndarray, right_w: np.ndarray) -> FrameMask:
-    """Frames into which both sides come from each other's place, judged by their last two frames before it."""
+    """Frames at which each side continues the other's motion, by extrapolation of the two previous frames."""
     result = np.zeros(len(left_w), dtype=bool)
     if len(left_w) < 3:
         return result
-    ahead = [2.0 * side[1:-1] - side[:-2] for side in (left_w, right_w)]
+    predicted = [2.0 * side[1:-1] - side[:-2] for side in (left_w, right_w)]
 
     def off(side: np.ndarray, expected: np.ndarray) -> np.ndarray:
         return np.linalg.norm(side[2:] - expected, axis=-1).mean(axis=-1)
 
-    kept = off(left_w, ahead[0]) + off(right_w, ahead[1])
-    crossed = off(left_w, ahead[1]) + off(right_w, ahead[0])
+    kept = off(left_w, predicted[0]) + off(right_w, predicted[1])
+    crossed = off(left_w, predicted[1]) + off(right_w, predicted[0])
     result[2:] = (kept > 2.0 * SMALLEST_JUMP) & (crossed < JUMP_SHARE * kept)
     return result

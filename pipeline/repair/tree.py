@@ -1,4 +1,4 @@
-"""The canonical skeleton as arrays, and a clip's bodies seen from their parents."""
+"""The canonical skeleton as arrays, and poses of bodies in their parents' frames."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -20,7 +20,7 @@ LIMBS: tuple[tuple[int, int, int], ...] = tuple(
 LIMB_ENDS: tuple[int, ...] = tuple(
     body(f"{side}_{name}") for side in ("left", "right") for name in ("knee", "ankle", "toe", "elbow", "wrist")
 )
-"""Bodies whose bone to the parent is one bone in every skeleton: its length is constant."""
+"""Bodies whose bone to the parent is a single bone in every skeleton, so its length is constant."""
 
 FEET_BODIES: tuple[int, ...] = tuple(body(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "toe"))
 
@@ -39,14 +39,15 @@ LEVERS: dict[str, float] = {
     "shoulder": 0.55,
     "elbow": 0.27,
 }
-"""How far the furthest joint below a body is from it [m], of a person of 1.75 m; the others carry none."""
+"""Distance from a body to the furthest joint below it [m], for a person of 1.75 m; bodies without children are left
+out."""
 
 LEVER: Float[np.ndarray, " 19"] = np.array([LEVERS.get(name.split("_")[-1], 0.0) for name in BODIES])
 
 Positions = Float[np.ndarray, "t 19 3"]
 Orientations = Float[np.ndarray, "t 19 4"]
 BodyMask = Bool[np.ndarray, "t 19"]
-"""Bodies that are marked in each frame."""
+"""Mask of bodies in each frame."""
 FrameMask = Bool[np.ndarray, " t"]
 PerBody = Float[np.ndarray, "t 19"]
 """A number for each frame and body."""

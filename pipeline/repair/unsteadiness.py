@@ -1,13 +1,13 @@
-"""How far each body's step into a frame differs from the steps around it.
+"""Unsteadiness: how far each body's step into a frame differs from the steps around it. Detection of spikes.
 
-The step is compared with the median of five steps, and with the mean of its two neighbours. Both are the
-size of the jump for a jump, and small for motion, however fast: constant acceleration gives zero. The smaller
-of the two counts. The first and the last step have neighbours on one side only: there it is compared with
-the next step and with the line through the next two.
+The step is compared with the median of five steps, and with the mean of its two neighbours. For a jump, both
+differences are the size of the jump; for motion, however fast, they are small: zero for constant acceleration. The
+smaller one is used. The first and the last step have neighbours on one side only: they are compared with the next step
+and with the line through the next two.
 
-A gap of a few frames is bridged by a cubic through the two frames on either side, and what is there is held against
-it. For motion the miss goes with the fourth derivative, so it is far smaller than that of steps held against each
-other (`unsteadiness`); for a spike it is the spike's size.
+For spikes, a few frames are interpolated by a cubic through the two frames on either side and compared with it. For
+motion, this interpolation error is proportional to the fourth derivative, and so far smaller than the unsteadiness; for
+a spike it is the size of the spike.
 """
 
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import KNEES, LEVER, TOES, BodyMask, FrameMask, Orientations, PerBody, Positions, to_local
 
 REACH = 2
-"""A bad frame disturbs the bridges of this many frames on either side."""
+"""Number of frames on either side whose interpolation a bad frame affects."""
 
 
 def interpolation_miss(values: Float[np.ndarray, "t n d"], gap: int) -> Float[np.ndarray, "t n d"]:
-    """Middle of each window of `gap` frames less the cubic through the two frames on either side of it.
+    """Interpolation error: middle of each window of `gap` frames minus the cubic through two frames on either side.
 
-    Of an even gap the middle lies half a frame after its frame. Zero where the window has no neighbours.
+    For an even gap the middle is half a frame after its frame. Zero where the window has no neighbours.
     """
     inner, outer = (gap + 1) / 2.0, (gap + 3) / 2.0
     near = outer**2 / (outer**2 - inner**2) / 2.0
@@ -49,34 +49,34 @@ def interpolation_miss(values: Float[np.ndarray, "t n d"], gap: int) -> Float[np
 
 
 def size_of(vectors: Float[np.ndarray, "t n d"]) -> Float[np.ndarray, "t n"]:
-    """Lengths of vectors of any dimension."""
+    """Euclidean norms along the last axis."""
     return np.sqrt(np.einsum("tnd,tnd->tn", vectors, vectors))
 
 
 USUAL_PERCENTILE = 95.0
 REFERENCE_HZ = 60.0
-"""Limits on the measure hold at this rate and above."""
+"""Frame rate from which the limits on the unsteadiness are constant [Hz]."""
 
 
 def slow_rate(fps: float) -> float:
-    """How many times larger a limit is at a low rate, where a frame takes longer."""
+    """Factor on a limit at a frame rate below `REFERENCE_HZ`."""
     return max(1.0, REFERENCE_HZ / fps)
 
 
 def turn_limits(settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
-    """Smallest turn of each body [rad] that counts as a jump: smaller where it moves other joints far."""
+    """Smallest rotation of each body [rad] that counts as a jump; smaller for bodies that move other joints far."""
     return np.clip(settings.lever_jump / np.maximum(LEVER, 1e-3), settings.least_angle, settings.angle_jump)
 
 
 def limits(
     size: Float[np.ndarray, "t n"], least: Float[np.ndarray, " n"], spread: float, usual: FrameMask
 ) -> Float[np.ndarray, " n"]:
-    """Limit of each body: `least`, and `spread` times what 95 % of the `usual` frames stay below where some pass it."""
+    """Limit of each body: the larger of `least` and `spread` times the 95th percentile of its `usual` frames."""
     result = least.copy()
     over = np.flatnonzero(size.max(axis=0) > least)
     if len(over):
-        seen = size[:, over][usual] if usual.any() else size[:, over]
-        result[over] = np.maximum(least[over], spread * np.percentile(seen, USUAL_PERCENTILE, axis=0))
+        usual_size = size[:, over][usual] if usual.any() else size[:, over]
+        result[over] = np.maximum(least[over], spread * np.percentile(usual_size, USUAL_PERCENTILE, axis=0))
     return result
 
 
@@ -85,7 +85,7 @@ class Unsteadiness:
     """How far each body's step into each frame differs from its neighbours; (t, 19), 0 for frame 0."""
 
     place: PerBody
-    """Of the place in the parent's frame (pelvis: in the world) [m]."""
+    """Of the position in the parent's frame (pelvis: in the world) [m]."""
     turn: PerBody
     """Of the orientation in the parent's frame (pelvis: in the world) [rad]."""
     world: PerBody
@@ -95,50 +95,51 @@ class Unsteadiness:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
-    """A clip as the detectors look at it; what several of them need is worked out once."""
+class MotionFeatures:
+    """A clip's poses with derived quantities that several detectors use, computed once."""
 
     pos_w: Positions
     quat_w: Orientations
 
     @cached_property
     def local(self) -> tuple[Positions, Orientations]:
-        """Places [m] and orientations in the parents' frames."""
+        """Positions [m] and orientations in the parents' frames."""
         return to_local(self.pos_w, self.quat_w)
 
     @cached_property
     def continuous_local(self) -> Orientations:
-        """Orientations in the parents' frames, without changes of sign from frame to frame."""
+        """Sign-continuous orientations in the parents' frames."""
         return rotation.make_continuous(self.local[1])
 
     @cached_property
     def continuous(self) -> Orientations:
-        """Orientations in the world, without changes of sign from frame to frame."""
+        """Sign-continuous orientations in the world."""
         return rotation.make_continuous(self.quat_w)
 
     @cached_property
     def misses(self) -> tuple[PerBody, PerBody]:
-        """`misses_over` a single frame."""
+        """`misses_over(1)`: interpolation errors of single frames."""
         return self.misses_over(1)
 
     def misses_over(self, gap: int) -> tuple[PerBody, PerBody]:
-        """Miss of each body's turn [rad] and place [m] in its parent's frame over gaps centred at each frame."""
+        """Interpolation errors of each body's rotation [rad] and position [m] in its parent's frame, for gaps centred
+        at each frame."""
         turn = 2.0 * size_of(interpolation_miss(self.continuous_local, gap))
         return turn, size_of(interpolation_miss(self.local[0], gap))
 
     @cached_property
     def local_turns(self) -> Float[np.ndarray, "s 19 3"]:
-        """Each body's turn in its parent's frame from frame to frame [rad]."""
+        """Rotation vector of each body from frame to frame, in its parent's frame [rad]."""
         return _turns(self.local[1])
 
     @cached_property
     def world_turns(self) -> Float[np.ndarray, "s 19 3"]:
-        """Each body's turn from frame to frame, in its own frame [rad]."""
+        """Rotation vector of each body from frame to frame, in its own frame [rad]."""
         return _turns(self.quat_w)
 
     @cached_property
     def unsteadiness(self) -> Unsteadiness:
-        """The measure of this module; the clip has at least four frames."""
+        """The unsteadiness of each body; the clip needs at least four frames."""
         return Unsteadiness(
             place=_against_neighbours(np.diff(self.local[0], axis=0)),
             turn=_against_neighbours(self.local_turns),
@@ -152,7 +153,7 @@ def _turns(quat: Orientations) -> Float[np.ndarray, "s 19 3"]:
 
 
 def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> PerBody:
-    """Size of what sets each step apart from the steps around it; one more row than `steps`."""
+    """Difference of each step from the steps around it; one more row than `steps`."""
     count = len(steps)
     padded = np.pad(np.moveaxis(steps, -1, 0), ((0, 0), (2, 2), (0, 0)), mode="reflect")
     around = [padded[:, shift : shift + count] for shift in range(5)]
@@ -165,9 +166,9 @@ def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> PerBody:
 
 
 def _median_of_five(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """The middle one of five numbers, element by element, in a tenth of `np.median`'s time; NaN if one is NaN.
+    """Elementwise median of five numbers, ten times as fast as `np.median`; NaN if one is NaN.
 
-    Of four numbers neither the least nor the greatest is the middle one of the five.
+    Neither the least nor the greatest of four of the numbers can be the median of the five.
     """
     low = np.maximum(np.minimum(a, b), np.minimum(c, d))
     high = np.minimum(np.maximum(a, b), np.maximum(c, d))
@@ -175,27 +176,27 @@ def _median_of_five(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, 
 
 
 LONGEST_SPIKE_S, MOST_FRAMES = 0.02, 4
-"""Spikes up to this long are sought; longer ones have edges that are jumps [s], [frames]."""
+"""Longest spikes that are detected [s], [frames]; longer ones have edges that are jumps."""
 TOE_SHARE = 1.5
-"""Toes bend so fast when they land that the limit of a clip's own toes is this many times as large."""
+"""Factor on the clip's own limit for toes, which bend fast at touchdown."""
 KNEE_SHARE = 1.4
-"""Knees turn so fast when a foot lands that below 60 Hz their limit is up to this many times as large: in sound walks,
-starts and steps back at 30 Hz they reach 1.25 times the limit that holds at 60 Hz."""
+"""Largest factor on the limit for knees below 60 Hz, since knees turn fast at touchdown: in sound walks, starts and
+steps back at 30 Hz they reach 1.25 times the limit of 60 Hz."""
 MOST_TIMES = 3.0
-"""What a clip misses by makes its limits no more than so many times as large: sound files reach 2.2 times the least,
-and in a short clip spikes themselves are among what it misses by."""
+"""Largest factor by which a clip's own errors raise its limits: sound files reach 2.2 times the least, and in a short
+clip the spikes themselves contribute to its errors."""
 CLEAR = 3
-"""A spike keeps this many frames away from a gap: bridges are a little off where they begin."""
+"""Frames next to a gap in which spikes are ignored, because interpolated gaps deviate slightly at their ends."""
 
 
-def find_spikes(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
-    """Bodies that are elsewhere for a few frames (`spike`); nothing beside samples that are `lost` already."""
+def find_spikes(features: MotionFeatures, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
+    """Bodies that leave their motion for a few frames (`spike`); not next to samples that are already `lost`."""
     longest = int(np.clip(int(LONGEST_SPIKE_S * fps), 1, MOST_FRAMES))
     found: list[tuple[float, Defect]] = []
     for gap in range(1, longest + 1):
-        if len(seen.pos_w) < gap + 2 * REACH + 2:
+        if len(features.pos_w) < gap + 2 * REACH + 2:
             break
-        found += _candidates(seen, lost, gap, fps, settings)
+        found += _candidates(features, lost, gap, fps, settings)
     defects, taken = [], np.zeros(lost.shape, dtype=bool)
     for _, one in sorted(found, key=lambda each: (each[0], each[1].bodies, each[1].start), reverse=True):
         if not taken[one.start : one.stop, one.bodies[0]].any():
@@ -205,10 +206,10 @@ def find_spikes(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSetti
 
 
 def _candidates(
-    seen: Seen, lost: BodyMask, gap: int, fps: float, settings: DetectionSettings
+    features: MotionFeatures, lost: BodyMask, gap: int, fps: float, settings: DetectionSettings
 ) -> list[tuple[float, Defect]]:
-    """Windows of `gap` frames that are off, each with by how many times its limit."""
-    turn, place = seen.misses if gap == 1 else seen.misses_over(gap)
+    """Windows of `gap` frames whose error exceeds the limit, each with the ratio of error to limit."""
+    turn, place = features.misses if gap == 1 else features.misses_over(gap)
     least = turn_limits(settings) * (settings.spike_turn / settings.angle_jump)
     usual = np.asarray(~lost.any(axis=1))
     turn_limit = limits(turn, least, settings.spike_spread, usual)
@@ -221,8 +222,8 @@ def _candidates(
     size = np.maximum(turn / turn_limit, place / place_limit)
     if not (size > 1.0).any():
         return []
-    world_turn = 2.0 * size_of(interpolation_miss(seen.continuous, gap))
-    world_place = size_of(interpolation_miss(seen.pos_w, gap))
+    world_turn = 2.0 * size_of(interpolation_miss(features.continuous, gap))
+    world_place = size_of(interpolation_miss(features.pos_w, gap))
     visible = (world_turn > least / 2.0) | (world_place > settings.position_jump / 2.0)
     visible[:, 0] = True
     result = []

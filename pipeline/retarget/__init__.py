@@ -1,4 +1,4 @@
-"""KP3: a person's motion becomes the robot's.
+"""KP3: retarget a human motion onto the robot.
 
     HumanClip -> (resampled by time) -> stances -> foot plan -> targets -> two passes of IK -> RobotClip
 

@@ -1,4 +1,4 @@
-"""What the first pass got wrong is put into the targets of the second: soles under ground, arms in the body."""
+"""Correct the targets of the second IK pass for errors of the first: soles below ground, limbs that collide."""
 
 import dataclasses
 
@@ -16,41 +16,44 @@ from pipeline.retarget.targets import Targets
 from pipeline.robot import Kinematics, LinkPoses, Robot
 
 ARM_POINTS = (0.0, 0.35, 0.7, 1.0)
-"""Points along the forearm, as shares of the way from elbow to hand."""
+"""Points along the forearm, as fractions of the distance from elbow to hand."""
 
 OUTER_POINTS = slice(2, None)
-"""Those of them that are kept off the trunk, too."""
+"""Indices of the forearm points that are also kept away from the trunk."""
 
 SHANK_POINTS = (0.25, 0.5, 0.75)
-"""Points along the shank, as shares of the way from knee to ankle."""
+"""Points along the shank, as fractions of the distance from knee to ankle."""
 
 CROSSED_GAIN = 3.5
-"""Way that a foot is sent outward / way that a shank lacks: its upper end, which meets the thigh, follows by a part."""
+"""Outward shift of a foot / missing clearance of its shank; above 1, as the shank's upper end moves less than the
+foot."""
 
 RAISED = 1.5
-"""Way that a pelvis on a smoothed path is raised / depth of a sole below ground; the pelvis follows part of it."""
+"""Raise of the pelvis target on a smoothed path / depth of a sole below ground; above 1, as the IK follows only
+partly."""
 
 ARMS = [limb for limb, (name, _, _) in enumerate(LIMBS) if name.endswith(("upper_arm", "forearm"))]
-"""Of `LIMBS`."""
+"""Indices of the arm segments in `LIMBS`."""
 
 ARM_SIDES = [FEET.index(LIMBS[limb][0].split("_")[0]) for limb in ARMS]
-"""0 for a left one, 1 for a right one."""
+"""Side of each of `ARMS`: 0 left, 1 right."""
 
 SHORTEST_LEVER = 0.1
-"""[m] Points closer to the shoulder than this are turned as if they were this far."""
+"""Least lever arm [m] from the shoulder; points closer to it are turned as if they were at this distance."""
 
 
-def turns_of(
+def arm_turns(
     kinematics: Kinematics, poses: LinkPoses, robot: Robot, settings: ClearanceSettings, spread: float
 ) -> Float[np.ndarray, "t 2 3"]:
-    """Rotation vectors [rad], world frame, about the shoulders (left, right) that take the arms out of the body.
+    """Rotation vectors [rad], world frame, about the shoulders (left, right) that move the arms out of thighs and
+    trunk.
 
     Args:
-        kinematics: the robot's
-        poses: of the first pass
+        kinematics: kinematics of the robot
+        poses: link poses of the first pass
         robot: the robot
-        settings: distances
-        spread: frames over which a turn comes and goes
+        settings: clearance distances
+        spread: fade-in and fade-out of a turn [frames]
     """
     human = robot.human
     names = [human[f"{side}_{part}"] for part in ("shoulder", "elbow", "hip", "knee") for side in FEET]
@@ -64,11 +67,15 @@ def turns_of(
     point_w = elbow_w + shares * (hand_w - elbow_w)
     away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)
     direction_w = _sideways_or_shortest(away_w, outward_w[:, None], settings.arm_distance / 2.0)
-    from_thigh = _turn_by(point_w - shoulder_w, way_out(away_w, direction_w, settings.arm_distance) * direction_w)
+    from_thigh = _turn_by(
+        point_w - shoulder_w, clearing_distance(away_w, direction_w, settings.arm_distance) * direction_w
+    )
     outer_w = point_w[:, OUTER_POINTS]
     away_w = outer_w - _closest_on_segment(outer_w, bottom_w, top_w)
     direction_w = rotation.normalize(away_w)
-    from_trunk = _turn_by(outer_w - shoulder_w, way_out(away_w, direction_w, settings.trunk_distance) * direction_w)
+    from_trunk = _turn_by(
+        outer_w - shoulder_w, clearing_distance(away_w, direction_w, settings.trunk_distance) * direction_w
+    )
     turns = np.concatenate([np.zeros_like(from_thigh[:, :1]), from_thigh, from_trunk], axis=1)
     largest = rotation.length(turns).argmax(axis=1)
     turn = np.take_along_axis(turns, largest[:, None, :, None], axis=1)[:, 0]
@@ -79,7 +86,7 @@ def turns_of(
 def shank_overlap(
     kinematics: Kinematics, poses: LinkPoses, robot: Robot, settings: ClearanceSettings
 ) -> Float[np.ndarray, " t"]:
-    """Way [m] by which legs are too close: the shank of one to the thigh of the other."""
+    """Missing clearance [m], 0 or more, between the shank of one leg and the thigh of the other, per frame."""
     names = [robot.human[f"{side}_{part}"] for part in ("hip", "knee", "ankle") for side in FEET]
     places_w = kinematics.site_pos_w(poses, names)
     hip_w, knee_w, ankle_w = (places_w[:, None, 2 * part : 2 * part + 2] for part in range(3))
@@ -91,7 +98,7 @@ def shank_overlap(
 def through_stances(
     way: Float[np.ndarray, " t"], contact: Bool[np.ndarray, " t"], spread: int
 ) -> Float[np.ndarray, " t"]:
-    """`way` as a stance can take it: its largest value in each stance and `spread` frames around, blended in swings."""
+    """`way` made constant in each stance (its maximum over the stance +- `spread` frames) and blended in swings."""
     result = np.zeros(len(way))
     for start, stop in time_series.runs(contact):
         result[start:stop] = way[max(start - spread, 0) : stop + spread].max()
@@ -103,10 +110,11 @@ def through_stances(
     return result
 
 
-def way_out(
+def clearing_distance(
     away: Float[np.ndarray, "*n 3"], direction: Float[np.ndarray, "*n 3"], distance: float
 ) -> Float[np.ndarray, "*n 1"]:
-    """Way s >= 0 [m] with |away + s direction| = `distance` where |away| is less than that; `direction` is unit."""
+    """Distance s >= 0 [m] along the unit vector `direction` at which |away + s direction| = `distance`; 0 if already so
+    far."""
     along = _dot(away, direction)
     lacking = distance**2 - _dot(away, away)
     return np.where(lacking > 0.0, np.sqrt(np.maximum(along**2 + lacking, 0.0)) - along, 0.0)
@@ -143,19 +151,27 @@ def _dot(a: Float[np.ndarray, "*#n 3"], b: Float[np.ndarray, "*#n 3"]) -> Float[
     return products[..., :1] + products[..., 1:2] + products[..., 2:]
 
 
-def cleared(
+def corrected_targets(
     targets: Targets, poses: LinkPoses, robot: Robot, sole: Sole, settings: ClearanceSettings, fps: float
 ) -> Targets:
-    """Targets corrected by what the poses of the first pass show.
+    """Correct the targets by the errors of the first pass.
 
-    Feet: the stance error and the depth of the lowest sole corner are added to the target, and swinging feet go further
-    apart where they come too close. Pelvis: raised by that depth where it follows a smoothed path, since legs at their
-    limits don't lift the soles alone. Arms: turned about the shoulder, out of thigh and trunk.
+    Feet: the stance error and the depth of the lowest sole corner are added to the target, and swinging feet are
+    moved apart where they come too close. Pelvis: raised by that depth where it follows a smoothed path, because legs
+    at their limits cannot lift the soles. Arms: turned about the shoulder, out of thigh and trunk.
+
+    Args:
+        targets: targets of the first pass
+        poses: link poses that the first pass reached
+        robot: the robot
+        sole: its sole
+        settings: clearances and limits of the corrections
+        fps: frame rate [Hz]
     """
     kinematics = Kinematics(robot)
     spread = settings.spread_s * fps
     pelvis_pos_w, limb_dir_w = targets.pelvis_pos_w.copy(), targets.limb_dir_w.copy()
-    turns = rotation.from_rotvec(turns_of(kinematics, poses, robot, settings, spread))
+    turns = rotation.from_rotvec(arm_turns(kinematics, poses, robot, settings, spread))
     limb_dir_w[:, ARMS] = rotation.rotate(turns[:, ARM_SIDES], limb_dir_w[:, ARMS])
     corners_w = kinematics.site_pos_w(poses, [name for names in robot.sole_corners for name in names])
     lowest = corners_w[..., 2].reshape(len(corners_w), 2, -1).min(axis=2)
@@ -178,7 +194,7 @@ def cleared(
 def _foot_correction(
     targets: Targets, poses: LinkPoses, robot: Robot, settings: ClearanceSettings
 ) -> Float[np.ndarray, "t 2 3"]:
-    """What the first pass missed in stances, no more than the setting allows; zero in swings."""
+    """Clipped position error [m] of the first pass in stances; zero in swings."""
     reached_w = poses.pos_w[:, _foot_links(robot)]
     missed = np.clip(targets.foot_pos_w - reached_w, -settings.highest_correction, settings.highest_correction)
     return np.where(targets.contacts[..., None], settings.correction_share * missed, 0.0)
@@ -187,7 +203,7 @@ def _foot_correction(
 def _swings_apart(
     targets: Targets, poses: LinkPoses, robot: Robot, sole: Sole, settings: ClearanceSettings, spread: float
 ) -> Float[np.ndarray, "2 t 3"]:
-    """Ways [m] by which swinging feet go further outward where the first pass's feet come too close."""
+    """Outward shifts [m] of swinging feet where the feet of the first pass come too close."""
     heading = rotation.yaw_of(poses.quat_w[:, robot.link(robot.human["pelvis"])])
     links = _foot_links(robot)
     toes_w = rotation.rotate(poses.quat_w[:, links].swapaxes(0, 1), np.array([1.0, 0.0, 0.0]))

@@ -1,9 +1,8 @@
-"""Where the robot's foot is meant to be over the whole clip: locked in each stance, free between.
+"""Planned foot poses of the robot over the whole clip: locked in each stance, free between.
 
 The foot's pose is five numbers a frame: ankle x, y, z, yaw and pitch (toes down positive); it does not
-roll. In a stance they follow from one foothold and the heel's rise. Between stances they are the human's,
-scaled, plus a correction that leads from the end of one stance to the start of the next without a step
-in position or speed.
+roll. In a stance they follow from one foothold and the heel's rise. Between stances they are the scaled
+human foot pose plus a correction that joins both stances with continuous position and velocity.
 """
 
 from dataclasses import dataclass
@@ -36,10 +35,10 @@ def low_and_slow(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, 
 def without_short_runs(label: Bool[np.ndarray, " t"], shortest: int, swing: int) -> Bool[np.ndarray, " t"]:
     """`label` with inner gaps shorter than `swing` frames closed, then inner runs shorter than `shortest` dropped."""
     result = label.copy()
-    for length, wanted in ((swing, False), (shortest, True)):
-        for start, stop in time_series.runs(result == wanted):
+    for length, value in ((swing, False), (shortest, True)):
+        for start, stop in time_series.runs(result == value):
             if stop - start < length and start > 0 and stop < len(label):
-                result[start:stop] = not wanted
+                result[start:stop] = not value
     return result
 
 
@@ -51,17 +50,17 @@ class Sole:
     """The robot's sole below its ankle; the foot's frame is at the ankle, parallel to the sole."""
 
     depth: float
-    """Ankle over sole [m]."""
+    """Height of the ankle above the sole [m]."""
     front: float
-    """Front edge before the ankle [m]."""
+    """Forward position of the front edge relative to the ankle [m]."""
     rear: float
-    """Rear edge before the ankle, negative [m]."""
+    """Forward position of the rear edge relative to the ankle, negative [m]."""
     half_width: float
-    """[m]"""
+    """Half the width of the sole [m]."""
 
     @property
     def centre(self) -> float:
-        """Centre before the ankle [m]."""
+        """Forward position of the sole's centre relative to the ankle [m]."""
         return (self.front + self.rear) / 2.0
 
     def lowest_ankle(self, pitch: np.ndarray) -> np.ndarray:
@@ -70,7 +69,8 @@ class Sole:
         return lever * np.sin(pitch) + self.depth * np.cos(pitch)
 
     def ankle_from_pivot(self, pivot: np.ndarray, pitch: np.ndarray) -> np.ndarray:
-        """Horizontal way [m] from the sole's point at `pivot` before the ankle to the ankle, along the foot's yaw."""
+        """Horizontal distance [m], along the foot's yaw, from the sole point `pivot` in front of the ankle to the
+        ankle."""
         return -pivot * np.cos(pitch) + self.depth * np.sin(pitch)
 
 
@@ -83,14 +83,16 @@ def lock_stances(
     sole: Sole,
     settings: FootSettings,
 ) -> Float[np.ndarray, "t 5"]:
-    """`raw` in swings; in each stance the pose that stands on one foothold and rolls over heel and ball.
+    """Foot plan that equals `raw` in swings and, in each stance, keeps one foothold and rolls over heel and ball.
 
     Args:
-        raw: the human's foot, scaled: ankle x, y, z, yaw, pitch; yaw unwrapped
+        raw: scaled human foot: ankle x, y, z [m], unwrapped yaw, pitch [rad]
         contact: frames of stance
-        toe_w: the human's toe, scaled [m]; it rests while the heel rises, so the foothold is measured there
+        toe_w: scaled human toe [m]; it rests while the heel rises, so it gives the foothold
         toe_yaw: yaw of the human foot [rad], any branch
-        ankle_to_toe: horizontal way from ankle to toe of the flat human foot, scaled [m]
+        ankle_to_toe: horizontal distance from ankle to toe of the flat human foot, scaled [m]
+        sole: the robot's sole
+        settings: limits and gains of the pitch
     """
     locked = raw.copy()
     pitch = _stance_pitch(raw[:, PITCH], settings)
@@ -109,7 +111,7 @@ def lock_stances(
 
 
 def _stance_pitch(pitch: Float[np.ndarray, " t"], settings: FootSettings) -> Float[np.ndarray, " t"]:
-    """Pitch [rad] of the robot's foot in a stance from the human's: toes up at heel strike, flat, heel rise."""
+    """Pitch [rad] of the robot's foot in a stance, from the human's: heel strike, flat, heel rise."""
     rise = np.maximum(pitch - settings.heel_rise_free, 0.0)
     strike = np.minimum(pitch + settings.heel_rise_free, 0.0)
     planned = settings.heel_rise_share * rise + settings.heel_strike_share * strike
@@ -119,10 +121,10 @@ def _stance_pitch(pitch: Float[np.ndarray, " t"], settings: FootSettings) -> Flo
 def spread(
     raw: Float[np.ndarray, "t 5"], locked: Float[np.ndarray, "t 5"], contact: Bool[np.ndarray, " t"], slope: int
 ) -> Float[np.ndarray, "t 5"]:
-    """`locked` in stances; in swings `raw` plus a correction that joins the stances at both ends.
+    """Join the stances: `locked` in stances, `raw` plus a correction in swings.
 
-    The correction goes by smoothstep from what it is at the end of a stance to what it is at the next;
-    its slopes at both ends (so that the foot's speed has no step) die away over `slope` frames.
+    The correction is a smoothstep from its value at the end of one stance to its value at the start of the next. Slopes
+    at both ends, which fade over `slope` frames, keep the foot's velocity continuous.
     """
     plan = locked.copy()
     correction = locked - raw
@@ -147,7 +149,7 @@ def spread(
 def keep_above_ground(
     plan: Float[np.ndarray, "t 5"], contact: Bool[np.ndarray, " t"], sole: Sole, settings: FootSettings
 ) -> Float[np.ndarray, "t 5"]:
-    """The plan with pitch in its range, the sole's edges at or over the ground, and clear of it in mid-swing."""
+    """Clip the pitch to its range, keep the sole's edges at or above the ground and add clearance in mid-swing."""
     result = plan.copy()
     swings = ~contact
     result[swings, PITCH] = np.clip(plan[swings, PITCH], settings.lowest_pitch, settings.highest_pitch)
@@ -168,13 +170,13 @@ def _fading(frames: np.ndarray, reach: int) -> np.ndarray:
 
 
 def median(values: np.ndarray) -> np.ndarray | np.floating:
-    """Median over the frames of a stance; the bits of `np.median`, which takes longer to start than to sort them."""
+    """Median along the first axis. Bit-identical to `np.median`, whose call overhead dominates for short stances."""
     ordered = np.sort(values, axis=0)
     return (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2.0
 
 
 def percentile(values: np.ndarray, percent: float) -> np.ndarray | np.floating:
-    """Percentile along the first axis, linear between values; the bits of `np.percentile` in a fifth of its time."""
+    """Percentile along the first axis, linear between values; bit-identical to `np.percentile`, 5x faster."""
     ordered = np.sort(values, axis=0)
     place = (len(values) - 1) * (percent / 100.0)
     low, high = ordered[int(place)], ordered[min(int(place) + 1, len(values) - 1)]

@@ -1,9 +1,9 @@
-"""Feet that the hips can't bring far enough inward stay outward: footholds give way so that the pelvis keeps its path.
+"""Move feet outward where the hips cannot adduct far enough, so that the pelvis can keep its path.
 
-A hip that adducts by no more than `a` holds an ankle with `outward >= -sin(a) * distance`, where `outward` is the way
-from the hip to the ankle along the pelvis's outward axis and `distance` that from hip to ankle. People who step
-sideways bring their feet further inward, and cross them. What `narrowing` leaves of that is taken here: a foothold is
-moved outward, as a whole, by what it lacks in the worst frame of its stance; a swinging foot passes further outward.
+A hip with the adduction limit `a` reaches ankles with `outward >= -sin(a) * distance`, where `outward` is the
+distance from hip to ankle along the pelvis's outward axis and `distance` the distance from hip to ankle. In side
+steps, people bring their feet further inward or cross them. After `narrowing`, the remainder is corrected here: a
+whole foothold is moved outward by the shortfall in the worst frame of its stance, a swinging foot in each frame.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from pipeline.retarget.robot_body import RobotBody
 
 @dataclass(frozen=True, kw_only=True)
 class Hips:
-    """The robot's hips on the pelvis path that is planned, T frames."""
+    """The robot's hips along the planned pelvis path, t frames."""
 
     pos_w: Float[np.ndarray, "t 2 3"]
     """Hip joints (left, right) [m]."""
@@ -44,7 +44,7 @@ def hips_of(
 
 
 def lacking(feet: Float[np.ndarray, "2 t 5"], hips: Hips) -> Float[np.ndarray, "2 t"]:
-    """Way [m], 0 or more, that each ankle must go outward to be within the hip's adduction."""
+    """Outward shift [m], 0 or more, that each ankle needs to be within the hip's adduction limit."""
     legs_w = feet[..., X : Z + 1] - hips.pos_w.swapaxes(0, 1)
     outward = np.sum(legs_w * hips.left_w, axis=2) * [[1.0], [-1.0]]
     return np.maximum(-hips.sin_adduction[:, None] * rotation.length(legs_w) - outward, 0.0)
@@ -57,10 +57,10 @@ def bring_footholds_in_reach(
     hips: Hips,
     free: float,
 ) -> float:
-    """Move whole footholds outward in place, so that no hip must adduct beyond its limit; the largest way [m].
+    """Move whole footholds outward, in place, so that no hip exceeds its adduction limit; return the largest shift [m].
 
     Args:
-        free: what may lack without a move [m]: the trunk gives way by as much
+        free: shortfall [m] that is left uncorrected, since the trunk compensates for it
     """
     lateral_w, largest = lateral_axis(heading), 0.0
     for side, short in enumerate(np.maximum(lacking(locked, hips) - free, 0.0)):
@@ -82,7 +82,7 @@ def bring_swings_in_reach(
     """Move swinging feet outward in place, as `bring_footholds_in_reach` does footholds.
 
     Args:
-        spread: frames over which a push comes and goes
+        spread: fade-in and fade-out of a shift [frames]
     """
     for side, short in enumerate(np.maximum(lacking(plans, hips) - free, 0.0)):
         push_outward(plans[side], side, ~contacts[:, side], short, heading, spread)

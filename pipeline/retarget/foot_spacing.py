@@ -1,8 +1,8 @@
-"""Feet that would pass through each other are moved apart along the pelvis's lateral axis.
+"""Move feet that would collide apart along the pelvis's lateral axis.
 
-A sole seen from above is a row of discs. Two discs whose distance along the heading is less than the sum R of their
-radii (and the gap asked for) need a lateral distance of sqrt(R^2 - along^2), left foot on the left. Corners, which the
-discs miss, are measured on the rectangles.
+In plan view, a sole is a row of discs. Two discs whose distance along the heading is less than the sum R of their
+radii and the required gap need a lateral distance of sqrt(R^2 - along^2), with the left foot on the left. Corners,
+which the discs miss, are measured on the rectangles.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from pipeline import time_series
 from pipeline.retarget.foot_plan import YAW, Sole
 
 DISCS = 5
-"""Discs a sole."""
+"""Number of discs per sole."""
 
 SPACING_ROUNDS = 4
 """Rounds of moving footholds apart; a foothold has two neighbours, so one round is not enough."""
@@ -22,20 +22,20 @@ CORNER = 1.1
 """Radius of a disc / half width of the sole: lets the discs cover most of the corners."""
 
 CORNER_GAP = 0.005
-"""Gap between the corners of soles that are turned against each other; more would turn shanks off [m]."""
+"""Gap [m] between the corners of soles with different yaw; a larger one would turn the shanks too far."""
 
 
 def overlap(
     feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, gap: float
 ) -> Float[np.ndarray, " t"]:
-    """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between their soles."""
+    """Lateral distance [m], 0 or more, by which the feet must move apart for `gap` between their soles."""
     places = np.linspace(sole.rear + sole.half_width, sole.front - sole.half_width, DISCS)[:, None]
     cosine, sine, yaw = np.cos(heading), np.sin(heading), feet[:, None, :, YAW]
     discs_x, discs_y = feet[:, None, :, 0] + places * np.cos(yaw), feet[:, None, :, 1] + places * np.sin(yaw)
     across = cosine * discs_y - sine * discs_x
     reach = 2.0 * CORNER * sole.half_width + gap
     lacking = np.zeros(len(heading))
-    near = across[0].min(axis=0) - across[1].max(axis=0) < reach  # others are apart wherever they are along the heading
+    near = across[0].min(axis=0) - across[1].max(axis=0) < reach  # far enough apart in all other frames
     if not near.any():
         return lacking
     left, right = (cosine * discs_x + sine * discs_y)[..., near]
@@ -50,10 +50,10 @@ def overlap(
 def corner_overlap(
     feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, gap: float
 ) -> Float[np.ndarray, " t"]:
-    """Lateral way [m], 0 or more, by which two rectangular soles must move apart for `gap` between them.
+    """Lateral distance [m], 0 or more, by which two rectangular soles must move apart for `gap` between them.
 
-    Discs miss the corners, which meet where feet are turned against each other. The outline of a rectangle over the
-    heading is straight between corners, so the way is largest beside a corner of one or the other.
+    Discs miss the corners, which collide where the feet have different yaw. The outline of a rectangle over the
+    heading is straight between corners, so the distance is largest at a corner of one of them.
     """
     along, across = _corners(feet, heading, sole, gap / 2.0)
     lacking = np.zeros(len(heading))
@@ -69,7 +69,8 @@ def corner_overlap(
 def _corners(
     feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, wider: float
 ) -> tuple[Float[np.ndarray, "2 4 t"], Float[np.ndarray, "2 4 t"]]:
-    """Corners of soles that are `wider` [m] on all sides, in order: along the heading, and to its left."""
+    """Corners (in order) of soles enlarged by `wider` [m] on all sides: coordinates along the heading and to its
+    left."""
     x = np.array([sole.rear - wider, sole.front + wider])[[0, 1, 1, 0], None]
     y = (sole.half_width + wider) * np.array([[-1.0], [-1.0], [1.0], [1.0]])
     turn = feet[:, None, :, YAW] - heading
@@ -93,7 +94,8 @@ def _outline(
 def lateral_way(
     feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, gap: float
 ) -> Float[np.ndarray, " t"]:
-    """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between discs, less at corners."""
+    """Lateral distance [m], 0 or more, by which feet must move apart: for `gap` between discs, `CORNER_GAP` at
+    corners."""
     return np.maximum(overlap(feet, heading, sole, gap), corner_overlap(feet, heading, sole, CORNER_GAP))
 
 
@@ -107,7 +109,7 @@ def space_footholds(
 ) -> None:
     """Move whole footholds in place so that feet which stand at the same time have `gap` between them.
 
-    Two stances less than `spread` frames apart count as at the same time: no swing is quick enough to pass.
+    Stances less than `spread` frames apart count as simultaneous, because no swing is that fast.
     """
     lateral_w, lacking = lateral_axis(heading), np.zeros(len(heading))
     for _ in range(SPACING_ROUNDS):
@@ -131,7 +133,7 @@ def lateral_axis(heading: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 2"]:
 def _held(
     foot: Float[np.ndarray, "t 5"], contact: Bool[np.ndarray, " t"], spread: int
 ) -> tuple[Float[np.ndarray, "t 5"], Bool[np.ndarray, " t"]]:
-    """The foot's poses with each stance held `spread` frames longer at both ends, and where it is a stance then."""
+    """Foot poses and contacts with each stance extended by `spread` frames at both ends."""
     held, stands = foot.copy(), contact.copy()
     for start, stop in time_series.runs(~contact):
         middle = (start + stop) // 2
@@ -155,7 +157,7 @@ def space_swings(
     """Move swinging feet in place away from the other foot; a standing foot stays where it is.
 
     Args:
-        spread: frames over which a push comes and goes
+        spread: fade-in and fade-out of a shift [frames]
     """
     lacking = lateral_way(plans, heading, sole, gap)
     if not lacking.any():
@@ -174,10 +176,10 @@ def push_outward(
     heading: Float[np.ndarray, " t"],
     spread: float,
 ) -> None:
-    """Move a swinging foot outward in place by at least most of `way` [m]; not where it stands.
+    """Move a swinging foot outward, in place, by approximately `way` [m] or more; it is not moved in stances.
 
     Args:
-        spread: frames over which the push comes and goes
+        spread: fade-in and fade-out of the shift [frames]
     """
     if not (way * swings).any():
         return
@@ -186,7 +188,7 @@ def push_outward(
 
 
 def faded(push: Float[np.ndarray, "*n"], spread: float) -> Float[np.ndarray, "*n"]:
-    """A smooth curve over frames (first axis) at or above most of `push`: its running maximum, then a Gaussian."""
+    """Smooth envelope of `push` over frames (first axis): a running maximum, then a Gaussian filter."""
     width = 2 * round(spread) + 1
     return gaussian_filter1d(maximum_filter1d(push, width, axis=0), spread, axis=0, mode="nearest")
 

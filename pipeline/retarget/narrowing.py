@@ -1,7 +1,8 @@
-"""Side steps narrowed and slowed where the robot's hips can't bring the feet as far inward as the person does.
+"""Narrow and slow down side steps that need more adduction than the robot's hips have.
 
-Around such moments everything lateral is scaled down: the way of the pelvis, and where knees and feet are beside it.
-Feet that stand keep standing, since pelvis and feet are scaled alike. Motion forward and up stays as it is.
+Around such moments all lateral motion is scaled down: the displacement of the pelvis and the offsets of knees and feet
+from it. Standing feet do not slide, because pelvis and feet are scaled by the same factor. Forward and vertical motion
+is unchanged.
 """
 
 import dataclasses
@@ -19,9 +20,9 @@ LEGS = tuple(body_index(f"{side}_{joint}") for side in FEET for joint in ("knee"
 
 
 def lateral_share(lacking: Float[np.ndarray, " t"], settings: NarrowingSettings, fps: float) -> Float[np.ndarray, " t"]:
-    """Share of the lateral motion that is kept in each frame, from the way [m] that the feet lack inward.
+    """Fraction of the lateral motion that is kept in each frame, from the adduction shortfall of the feet [m].
 
-    Smooth in time; 1 in a clip whose feet lack no more than `free`.
+    Smooth in time; 1 in a clip with a shortfall of at most `settings.free`.
     """
     beyond = np.maximum(lacking - settings.free, 0.0)
     if not beyond.any():

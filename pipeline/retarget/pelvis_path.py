@@ -1,12 +1,13 @@
-"""Where the pelvis must be held to the human's path, and where its own path must be smoothed.
+"""Where the pelvis task gets a larger weight on the human's path, and where its path is smoothed.
 
-The pelvis follows softly, so that legs can take the human's directions. Where feet are moved or legs are at their
-limits, frame-wise IK lets it drift away slowly and come back with a jerk. Two remedies, each from what a pass shows:
+The pelvis task has a small weight, so that the legs can take the human's directions. Where feet are moved or legs are
+at their limits, frame-wise IK lets the pelvis drift away slowly and return with a jerk. Two corrections, each computed
+from the result of a pass:
 
-- Held: where the velocity goes astray the pelvis is held to the human's path by a larger weight, which comes and goes
-  with the error.
-- Smoothed: where it still accelerates much more than the person (a foot lands that a leg at its limit can barely
-  reach), its way off the human's path is smoothed over the whole clip, and the pelvis is held to the smoothed path.
+- Held: where the pelvis velocity deviates, the pelvis task on the human's path gets a larger weight, which fades in and
+  out with the error.
+- Smoothed: where it still accelerates much more than the person (e.g. a leg at its limit can barely reach a foothold),
+  its offset from the human's path is smoothed over the whole clip, and the pelvis tracks the smoothed path.
 """
 
 import numpy as np
@@ -18,16 +19,17 @@ from pipeline.retarget.foot_spacing import faded
 from pipeline.retarget.settings import PelvisSettings
 
 ACCELERATION_HZ = 10.0
-"""Zero-phase low pass before accelerations are compared [Hz], that of KP5's criteria of the root."""
+"""Zero-phase low pass before accelerations are compared [Hz], as in KP5's criteria on the root."""
 
 
 def held_share(
     planned_w: Float[np.ndarray, "t 3"], reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
 ) -> Float[np.ndarray, " t"]:
-    """How firmly the pelvis is held in each frame, 0 (softly) to 1, from the first pass's path.
+    """Interpolation factor of the pelvis weight in each frame, 0 (small) to 1 (`pelvis_held`), from the first pass's
+    path.
 
     0 in a clip whose RMS error of the horizontal velocity over `window_s` stays within `tolerated_m_s`. Else it grows
-    with that error from `free_m_s` to `astray_m_s`, and comes and goes over `fade_s`.
+    with that error from `free_m_s` to `astray_m_s`, with a fade-in and fade-out of `fade_s`.
     """
     astray = time_series.smooth((reached_w - planned_w)[:, :2], fps, settings.cutoff_hz)
     error = time_series.derivative(astray, fps)
@@ -42,10 +44,10 @@ def held_share(
 def smoothed_share(
     planned_w: Float[np.ndarray, "t 3"], reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
 ) -> Float[np.ndarray, " t"]:
-    """How firmly the pelvis is held to `smoothed_path` in each frame, 0 (not at all) to 1.
+    """Weight of `smoothed_path` for the pelvis in each frame, 0 (not used) to 1.
 
     0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's. Else it is 1 around
-    frames that accelerate by more than `smoothed_ratio` of that peak, and comes and goes over `fade_s`.
+    frames that accelerate by more than `smoothed_ratio` of that peak, with a fade-in and fade-out of `fade_s`.
     """
     planned, reached = _acceleration(np.stack([planned_w, reached_w], axis=1), fps).T
     ratio = reached / max(planned.max(), settings.least_peak_m_s2)
@@ -71,10 +73,10 @@ def smoothed_path(
     settings: PelvisSettings,
     fps: float,
 ) -> Float[np.ndarray, "t 3"]:
-    """`planned_w` where `share` is 0; where it is 1, off it by a smooth version of the way [m] that `reached_w` is off.
+    """`planned_w` plus `share` times the smoothed offset [m] of `reached_w` from it.
 
-    The horizontal way is low-passed. The vertical one is a smooth curve above most of it: a pelvis that is lower than
-    the legs at their limits allow would press the feet into the ground.
+    The horizontal offset is low-passed. The vertical one is replaced by its smooth upper envelope: a pelvis that is too
+    low for legs at their limits would press the feet into the ground.
     """
     way_w = time_series.smooth(reached_w - planned_w, fps, settings.path_hz)
     way_w[:, 2] = faded((reached_w - planned_w)[:, 2], settings.fade_s * fps)
@@ -84,7 +86,8 @@ def smoothed_path(
 def fading_grip(
     firm: Bool[np.ndarray, "t 2"], held: Float[np.ndarray, " t"], settings: PelvisSettings, fps: float
 ) -> Float[np.ndarray, "t 2"]:
-    """How firmly each foot is held to its place: 1 where `firm`, fading to 0 over `fade_s` where the pelvis is held."""
+    """Interpolation factor of each foot's weights: 1 where `firm`, fading to 0 over `fade_s` where the pelvis is
+    held."""
     grip = firm.astype(float)
     reach = settings.fade_s * fps
     for side in range(2):

@@ -1,4 +1,4 @@
-"""The stage: a human clip in, the robot's clip and its numbers out."""
+"""The retargeting stage: from a human clip to the robot's clip and its numbers."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ from pipeline.clips.outcome import Clip, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.quality.planar_motion import command_velocity
-from pipeline.retarget.clearance import cleared
+from pipeline.retarget.clearance import corrected_targets
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.settings import RetargetSettings
@@ -26,9 +26,9 @@ from pipeline.scoring import score_without_collisions, worst_of_bars
 
 
 def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
-    """The robot's motion for a repaired human clip, one piece under the clip's name.
+    """Retarget a repaired human clip; the Outcome has one piece with the clip's name.
 
-    Raises ClipError for a clip with missing samples, without a person's legs, or that the solver fails on.
+    Raises ClipError for a clip with missing samples, with implausible legs, or without a solution of the IK.
     """
     _refuse_missing(clip)
     human = clip.resampled(settings.fps)
@@ -50,10 +50,10 @@ def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSe
 def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tuple[Targets, Trajectory]:
     """Targets and the trajectory that follows them, for a clip without missing samples at the robot's rate.
 
-    Two passes: the first follows the targets alone; the second is drawn to the first one's joint motion after a
-    zero-phase low pass, which takes the jitter out of what the targets leave free. Where the first pass lets the pelvis
-    go astray it is held, and the first pass is done again; where a pass jerks the pelvis its path is smoothed, and that
-    pass is done again. Distances of the settings are scaled to the robot.
+    Two passes: the first follows the targets only; the second also follows the first one's joint motion after a
+    zero-phase low pass, which removes jitter from degrees of freedom that the targets do not determine. Where the
+    pelvis deviates in the first pass, its weight is increased and the pass repeated; where a pass jerks the pelvis, its
+    path is smoothed and that pass repeated. Distances in the settings are scaled to the robot.
     """
     settings = scaled(settings, robot)
     weights, fps, solver = settings.weights, settings.fps, solver_for(robot)
@@ -62,7 +62,7 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
 
     def with_smooth_path(targets: Targets, reached_w: np.ndarray) -> Targets | None:
-        """The targets with the pelvis on a smooth path where a pass jerked it; None where it did not."""
+        """Targets with a smoothed pelvis path where a pass jerked the pelvis; None if it did not."""
         share = smoothed_share(planned_w, reached_w, settings.pelvis, fps)
         if not share.any():
             return None
@@ -88,7 +88,7 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     posture = time_series.smooth(first.joint_pos, fps, settings.posture_smooth_hz)
     posture_weight = weights.posture_second_held if held.any() else weights.posture_second
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
-    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, fps)
+    targets = corrected_targets(targets, poses, robot, solver.body.sole, settings.clearance, fps)
     second = solver.solve(human.name, targets, posture, posture_weight, settings, first)
     smoother = with_smooth_path(targets, _pelvis_pos_w(second, robot))
     if smoother is not None:
@@ -112,9 +112,9 @@ def _refuse_missing(clip: HumanClip) -> None:
 def numbers_of(clip: RobotClip, human: HumanClip, leg_ratio: float, robot: Robot) -> dict[str, float | str | None]:
     """Numbers by name; `human` is the clip at the robot's rate.
 
-    The velocities are the robot's: a human's times `leg_ratio`. Slip, drift and depth are by the scorer's own labels
-    of standing feet, `slip_m_s` by the middle ones. Self-collision is KP5's to find. None where a clip has no sample
-    (no foot ever stands). `worst_figure` is the one that is furthest over its bar, `times_its_bar` by how much.
+    Velocities are the robot's (the human's times `leg_ratio`). Slip, drift and depth use the scorer's own contact
+    labels, `slip_m_s` the middle ones. KP5 detects self-collisions. None where a clip has no sample (no foot ever
+    stands). `worst_figure` is the figure with the largest ratio to its limit, `times_its_bar` that ratio.
     """
     figures = score_without_collisions(human, clip, robot).figures()
     worst, times = worst_of_bars(figures, clip.fps)
@@ -136,11 +136,10 @@ def numbers_of(clip: RobotClip, human: HumanClip, leg_ratio: float, robot: Robot
 
 
 def changes_of(targets: Targets) -> dict[str, float]:
-    """Where the plan departs from the human because the robot can't follow, each 0 (shares: 1) where it does not.
+    """How far the plan deviates from the human because of the robot's limits; each 0 (shares: 1) where it does not.
 
-    Least share of the lateral motion that is kept, largest way that a foothold is moved outward [m], largest angle that
-    the trunk leans less than the chest [deg], and the shares of the frames in which the pelvis is held to the human's
-    path and to a smoothed one.
+    Least share of the lateral motion that is kept, largest outward shift of a foothold [m], largest reduction of the
+    trunk's lean [deg], and the shares of frames in which the pelvis is held to the human's path and to a smoothed one.
     """
     return {
         "lateral_share": targets.lateral_share,
@@ -152,12 +151,13 @@ def changes_of(targets: Targets) -> dict[str, float]:
 
 
 def velocity_of(clip: RobotClip) -> dict[str, float]:
-    """The command that the robot's motion is: mean forward and lateral velocity [m/s], yaw rate [rad/s]."""
+    """Velocity command that the motion corresponds to: mean forward and lateral velocity [m/s], mean yaw rate
+    [rad/s]."""
     return dict(vars(command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)))
 
 
 def onto_robot(clip: Clip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
-    """A human clip retargeted; a recording of this robot at the database's rate; nothing for another robot's."""
+    """Retarget a human clip, or resample a recording of this robot; a clip of another robot gives an empty Outcome."""
     if isinstance(clip, HumanClip):
         return process(clip, numbers, settings=settings, robot=robot)
     if clip.robot != robot.name or clip.joint_names != robot.joint_names:

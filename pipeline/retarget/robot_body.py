@@ -1,4 +1,4 @@
-"""The robot as the planner and the solver see it: lengths, sole and limb axes, from its model alone."""
+"""Geometry of the robot for the planner and the solver: lengths, sole and limb axes, from its model."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from pipeline.robot import Kinematics, Robot
 
 @dataclass(frozen=True, kw_only=True)
 class RobotBody:
-    """Measured at joint angles of zero."""
+    """Dimensions and axes of the robot, measured at joint angles of zero."""
 
     leg: float
     """Hip to knee plus knee to ankle, mean of both sides [m]."""
@@ -31,11 +31,11 @@ class RobotBody:
     waist: int | None
     """Index of the controlled joint between trunk and pelvis that turns about z; None where there is none."""
     waist_sign: float
-    """With +1 a larger angle of it turns the pelvis to the left of the trunk, with -1 to the right."""
+    """+1 if a larger waist angle turns the pelvis to the left relative to the trunk, -1 if to the right."""
 
 
 def measure(robot: Robot) -> RobotBody:
-    """The robot's body from its kinematics at zero."""
+    """Measure the robot's body from its kinematics at joint angles of zero."""
     kinematics = Kinematics(robot)
     poses = kinematics.forward(np.zeros((1, 3)), rotation.IDENTITY[None], np.zeros((1, len(robot.joint_names))))
     human = robot.human
@@ -73,9 +73,10 @@ def measure(robot: Robot) -> RobotBody:
 
 
 def _waist(robot: Robot) -> tuple[int | None, float]:
-    """The controlled joint between trunk and pelvis link that turns about z, and in which sense it turns the pelvis.
+    """The controlled joint between trunk and pelvis link that turns about z, and the sign with which it turns the
+    pelvis.
 
-    The pelvis may hang on the trunk (T1), the trunk may stand on the pelvis (Unitree G1), or both are one link (K1).
+    The pelvis may be a child of the trunk (T1), its parent (Unitree G1), or the same link (K1).
     """
     axes = robot.tree.joint_axes_root()
     above = {part: _joints_above(robot, robot.human[part]) for part in ("pelvis", "trunk")}
@@ -105,7 +106,7 @@ def _adduction(robot: Robot, side: int) -> float:
 
 
 def ankle_pitch(robot: Robot, side: int) -> tuple[int, float]:
-    """Index of the ankle joint that turns about y, and its sign: with +1 a lower angle lifts the toes."""
+    """Index of the ankle joint that turns about y, and its sign: +1 if a smaller angle lifts the toes."""
     return _joint_about(1, robot, f"{FEET[side]}_foot", f"{FEET[side]}_shank")
 
 

@@ -10,7 +10,7 @@ from pipeline.robot.size import RobotSize
 
 @dataclass(frozen=True, kw_only=True)
 class StanceSettings:
-    """Which foot is held still beside the clip's own contacts: a wider label, so that no standing foot is let slide."""
+    """Contact labels in addition to the clip's own; deliberately permissive, so that no standing foot may slide."""
 
     toe_height: Annotated[float, NOT_NEGATIVE]
     """Highest toe over its own 5th percentile [m]."""
@@ -19,7 +19,7 @@ class StanceSettings:
     shortest_s: Annotated[float, NOT_NEGATIVE]
     """Shorter stances are dropped [s]."""
     shortest_swing_s: Annotated[float, NOT_NEGATIVE]
-    """Shorter gaps between two stances of a foot are closed: no foot steps that quickly [s]."""
+    """Shorter swings between two stances of a foot are closed, because no step is that quick [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class FootSettings:
     heel_rise_share: Annotated[float, Range(0.0, 2.0)]
     """Heel rise of the robot in a stance / heel rise of the human."""
     heel_strike_share: Annotated[float, Range(0.0, 2.0)]
-    """Raised toes of the robot at the start of a stance / the human's."""
+    """Toe raise of the robot at the start of a stance / toe raise of the human."""
     heel_rise_free: Annotated[float, NOT_NEGATIVE]
     """Pitch of the human foot, either way, that still counts as flat [rad]."""
     highest_pitch: Annotated[float, Range(-1.6, 1.6)]
@@ -39,17 +39,17 @@ class FootSettings:
     lowest_pitch: Annotated[float, Range(-1.6, 1.6)]
     """Smallest pitch of the planned foot (negative: toes up) [rad]."""
     slope_s: Annotated[float, NOT_NEGATIVE]
-    """Time over which the speed difference at a stance's end dies away [s]."""
+    """Time over which the velocity difference at the end of a stance fades [s]."""
     clearance: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Least height of the sole in the middle of a swing [m]."""
     spacing: Annotated[float, LENGTH, NOT_NEGATIVE]
-    """Least gap between the two soles seen from above [m]."""
+    """Least horizontal gap between the two soles [m]."""
     reach_free: Annotated[float, LENGTH, NOT_NEGATIVE]
-    """Way that a foot may lack to the hip's adduction limit before its foothold is moved outward [m]."""
+    """Adduction shortfall of a foot [m] above which its foothold is moved outward."""
     wary: Annotated[float, LENGTH, NOT_NEGATIVE]
-    """Gap on top of `spacing` below which a swinging foot is held as firmly as a standing one [m]."""
+    """Gap in addition to `spacing` below which a swinging foot gets the weights of a standing foot [m]."""
     spacing_s: Annotated[float, NOT_NEGATIVE]
-    """Time over which a swinging foot gives way to the other one [s]."""
+    """Fade-in and fade-out of the shift of a swinging foot away from the other [s]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "lowest_pitch", "highest_pitch"))
@@ -57,22 +57,22 @@ class FootSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ClearanceSettings:
-    """What the second pass corrects of the first."""
+    """Corrections of the second pass."""
 
     correction_share: Annotated[float, SHARE]
-    """Of the stance error that is added to the target."""
+    """Share of the stance error that is added to the target."""
     highest_correction: Annotated[float, LENGTH, NOT_NEGATIVE]
-    """[m] Each coordinate of it."""
+    """Limit of each coordinate of that correction [m]."""
     foot_gap: Annotated[float, LENGTH, NOT_NEGATIVE]
-    """Gap between the soles of the first pass below which a swinging foot is sent further out [m]."""
+    """Gap between the soles of the first pass below which a swinging foot is moved outward [m]."""
     arm_distance: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Least distance of forearm and hand from the line hip to knee [m]."""
     trunk_distance: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Least distance of the hand from the trunk's middle line [m]."""
     leg_distance: Annotated[float, LENGTH, NOT_NEGATIVE]
-    """Distance of a shank from the line hip to knee of the other leg below which feet are sent further out [m]."""
+    """Distance of a shank from the line hip to knee of the other leg below which feet are moved outward [m]."""
     spread_s: Annotated[float, NOT_NEGATIVE]
-    """Time over which corrections come and go [s]."""
+    """Fade-in and fade-out of corrections [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,23 +80,23 @@ class NarrowingSettings:
     """Side steps that are narrowed and slowed instead of crossed."""
 
     free: Annotated[float, LENGTH, NOT_NEGATIVE]
-    """Way that a foot may lack to the hip's adduction limit before steps are narrowed [m]."""
+    """Adduction shortfall of a foot [m] above which steps are narrowed."""
     full: Annotated[float, LENGTH, POSITIVE]
-    """Way beyond it at which nothing lateral would be left [m]."""
+    """Shortfall beyond `free` at which the kept share would be 0 [m]."""
     least_share: Annotated[float, PART]
     """Least share of the lateral motion that is kept."""
     spread_s: Annotated[float, NOT_NEGATIVE]
-    """Time over which narrowing comes and goes [s]."""
+    """Fade-in and fade-out of narrowing [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrunkSettings:
-    """How far the trunk leans with a bent back."""
+    """Limits of the trunk's lean when the person's back is bent."""
 
     free_lean: Annotated[float, Range(0.0, 1.6)]
     """Lean of the chest from upright up to which the trunk follows exactly [rad]."""
     highest_lean: Annotated[float, Range(0.0, 1.6)]
-    """Lean of the trunk that is approached beyond it, where the pelvis doesn't lean further [rad]."""
+    """Asymptotic limit of the trunk's lean beyond `free_lean`, unless the pelvis leans further [rad]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "free_lean", "highest_lean"))
@@ -107,25 +107,26 @@ class PelvisSettings:
     """Where the pelvis is held to the human's path, and where its own path is smoothed."""
 
     tolerated_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
-    """Error of the first pass's horizontal pelvis velocity, RMS over `window_s`, that leaves a clip alone [m/s]."""
+    """RMS error over `window_s` of the horizontal pelvis velocity up to which a clip is not corrected [m/s]."""
     free_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
-    """Error that is left alone in other clips [m/s]."""
+    """Error below which the pelvis is not held, in clips that are corrected [m/s]."""
     astray_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
-    """Error from which on the pelvis is held by `weights.pelvis_held` [m/s]."""
+    """Error above which the pelvis has the full weight `weights.pelvis_held` [m/s]."""
     window_s: Annotated[float, NOT_NEGATIVE]
     """Window of that error [s]."""
     cutoff_hz: Annotated[float, Range(0.5, 1000.0)]
     """Zero-phase low pass on the error [Hz]."""
     jerky_ratio: Annotated[float, POSITIVE]
-    """Peak acceleration of the pelvis over that of the human's path, up to which a clip is left alone."""
+    """Peak acceleration of the pelvis over that of the human's path, up to which a clip is not smoothed."""
     smoothed_ratio: Annotated[float, POSITIVE]
-    """Acceleration over that peak from which on the path is smoothed in other clips."""
+    """Acceleration over that peak above which the path is smoothed, in clips that are smoothed."""
     least_peak_m_s2: Annotated[float, POSITIVE]
     """A smaller peak of the human's path counts as this much [m/s2]."""
     path_hz: Annotated[float, Range(0.5, 1000.0)]
-    """Zero-phase low pass on the horizontal way between planned and reached pelvis where the path is smoothed [Hz]."""
+    """Zero-phase low pass on the horizontal offset between planned and reached pelvis where the path is smoothed
+    [Hz]."""
     fade_s: Annotated[float, NOT_NEGATIVE]
-    """Time over which the pelvis, and feet in clips where it is held, are taken hold of and let go [s]."""
+    """Fade-in and fade-out of the weights of the pelvis, and of the feet in clips where the pelvis is held [s]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "free_m_s", "astray_m_s"), increasing(self, "smoothed_ratio", "jerky_ratio"))
@@ -133,8 +134,8 @@ class PelvisSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class WeightSettings:
-    """Weights of the soft tasks; each multiplies a squared error. Above 0 are those between which is interpolated, and
-    those of pelvis, trunk and posture, which keep the program strictly convex."""
+    """Weights of the soft tasks; each multiplies a squared error. Weights between which
+    is interpolated, and those of pelvis, trunk and posture, which keep the program strictly convex, are above 0."""
 
     stance_position: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
@@ -145,13 +146,13 @@ class WeightSettings:
     swing_orientation: Annotated[float, NOT_NEGATIVE]
     """[cost/rad2]"""
     foot_height: Annotated[float, PER_AREA, POSITIVE]
-    """In stance and swing [cost/m2]; the weights of position are for the horizontal."""
+    """In stance and swing [cost/m2]; `stance_position` and `swing_position` are horizontal."""
     foot_height_held: Annotated[float, PER_AREA, POSITIVE]
     """Where the pelvis is held [cost/m2]."""
     pelvis_horizontal: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
     pelvis_held: Annotated[float, PER_AREA, POSITIVE]
-    """The horizontal one where the second pass holds the pelvis to its path [cost/m2]."""
+    """Horizontal weight where the pelvis is held to its path [cost/m2]."""
     pelvis_height: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
     path_smoothed: Annotated[float, PER_AREA, POSITIVE]
@@ -178,22 +179,23 @@ class WeightSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class RetargetSettings:
-    """All of KP3."""
+    """All settings of KP3."""
 
     calibrated_on: RobotSize
-    """The robot that distances and their weights hold for; `pipeline.robot.size.scaled` gives those of another one."""
+    """Robot that distances and their weights are valid for; `pipeline.robot.size.scaled` converts them for another
+    one."""
     fps: Annotated[float, RATE_HZ]
     """Rate of the robot clip [Hz]."""
     leg_scale: Annotated[float, Range(0.1, 2.0)]
-    """Share of the robot's leg length that stands for the human's, so that knees don't lock."""
+    """Fraction of the robot's leg length used in the length ratio to the human's leg, so that knees don't lock."""
     speed_share: Annotated[float, PART]
     """Share of the joint speed limits that may be used."""
     smooth_hz: Annotated[float, Range(0.5, 1000.0)]
     """Cutoff of the zero-phase low pass on the human's motion before planning [Hz]."""
     posture_smooth_hz: Annotated[float, Range(0.5, 1000.0)]
-    """Cutoff of the zero-phase low pass on the first pass [Hz]."""
+    """Cutoff of the zero-phase low pass on the joint motion of the first pass [Hz]."""
     settle_iterations: Annotated[int, COUNT]
-    """Solves on the first frame before the clip starts."""
+    """Solver iterations on the first frame before the clip starts."""
     stance: StanceSettings
     feet: FootSettings
     clearance: ClearanceSettings

@@ -1,7 +1,7 @@
-"""Inverse kinematics frame by frame with placo: one quadratic program a frame, warm-started by the last.
+"""Inverse kinematics with placo: one quadratic program per frame, warm-started from the previous frame.
 
-One solver a process and robot: a placo wrapper that is dropped leaks, and building one costs more than
-a short clip. A solver keeps nothing of a clip: every clip starts from the same state.
+There is one solver per process and robot, because placo leaks memory when a solver is freed, and building one takes
+longer than solving a short clip. A solver keeps no state of a clip: every clip starts from the same state.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from pipeline.retarget.targets import Targets
 from pipeline.robot import Robot
 
 LEG = ("thigh", "shank")
-"""Endings of the limbs that are legs."""
+"""Name suffixes of the leg segments in `LIMBS`."""
 LIMIT_MARGIN = 1e-6
 """Distance [rad] kept from position limits, so that rounding stays inside them."""
 
@@ -29,15 +29,15 @@ ANKLE_MARGIN = 0.06
 """Distance [rad] kept from the ankle's toes-up limit; with the roll at its limit too, foot and shank would overlap."""
 
 SAME = 1e-5
-"""Largest difference [m, rad] of two solutions of a frame that count as the same."""
+"""Largest difference [m, rad] of two solutions of a frame that are treated as equal."""
 
 ROOT_QUAT = [6, 3, 4, 5]
-"""Places of the root's orientation, wxyz, in placo's state."""
+"""Indices of the root's orientation, wxyz, in placo's state."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
-    """What the solver found, T frames."""
+    """Solution of the solver, t frames."""
 
     root_pos_w: Float[np.ndarray, "t 3"]
     root_quat_w: Float[np.ndarray, "t 4"]
@@ -46,7 +46,7 @@ class Trajectory:
 
 
 class Solver:
-    """A robot in placo with all tasks. Not for sharing between threads; get one from `solver_for`."""
+    """A robot in placo with all tasks. Not thread-safe; `solver_for` returns it."""
 
     def __init__(self, robot: Robot):
         self.robot, self.body = robot, measure(robot)
@@ -104,20 +104,20 @@ class Solver:
         start: Trajectory | None = None,
         changed: Bool[np.ndarray, " t"] | None = None,
     ) -> Trajectory:
-        """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
+        """Joint motion within all limits that follows `targets`, and `posture` with `posture_weight`.
 
-        It settles on frame 0 from `posture`, or from the first frame of a similar trajectory `start`.
-        Raises ClipError that names the clip and the frame where the program has no solution.
+        Frame 0 is iterated from `posture`, or from the first frame of `start`.
+        Raises ClipError with the clip and the frame if the program has no solution.
 
         Args:
-            clip: its name
-            targets: what is followed
-            posture: joints that the solution is drawn to [rad]
-            posture_weight: by how much [1/rad^2]
+            clip: name of the clip, for errors
+            targets: targets of pelvis, feet, trunk and limbs
+            posture: reference joint angles [rad]
+            posture_weight: weight of `posture` [1/rad^2]
             settings: weights, rate and limits
-            start: a trajectory for similar targets
-            changed: frames whose targets are not those of `start`. Only these are solved, and those behind them until
-                the motion is back on `start`; all others are taken from it. None: all frames are solved.
+            start: trajectory for similar targets
+            changed: frames whose targets differ from those of `start`. Only these are solved, and the following ones
+                until the motion equals `start` again; all others are copied from it. None: all frames are solved.
         """
         frames = len(posture)
         feed = _Feed(self, targets, posture, settings.weights)
@@ -162,7 +162,7 @@ class Solver:
         )
 
     def matrices_of(self, targets: Targets) -> tuple[Float[np.ndarray, "t 3 3"], Float[np.ndarray, "t 2 3 3"]]:
-        """Rotation matrices of trunk and feet; the passes of a clip share them, so the last ones are kept."""
+        """Rotation matrices of trunk and feet; cached, because the passes of a clip share them."""
         quats = (targets.trunk_quat_w, targets.foot_quat_w)
         if self._matrices is None or any(new is not old for new, old in zip(quats, self._matrices[0], strict=True)):
             self._matrices = (quats, (rotation.to_matrix(quats[0]), rotation.to_matrix(quats[1])))
@@ -210,10 +210,10 @@ class Solver:
 
 
 class _Feed:
-    """Hands a frame's targets to the tasks of a solver.
+    """Set the targets of a solver's tasks frame by frame.
 
-    The numbers of a frame are copied into one buffer, of which every task is given its part: slicing all arrays in
-    every frame takes three times as long.
+    All numbers of a frame are copied into one buffer, and each task gets a view of it: slicing all arrays in every
+    frame takes three times as long.
     """
 
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"], weights: WeightSettings):
@@ -289,16 +289,16 @@ def _weights_of_foot(targets: Targets, side: int, weights: WeightSettings) -> tu
 
 
 def _between(low: float | Weight, high: float, share: Weight) -> Weight:
-    """`low` for 0, `high` for 1, geometrically between."""
+    """Geometric interpolation from `low` (share 0) to `high` (share 1)."""
     return np.where(share == 1.0, high, low * (high / low) ** share) if share.any() else np.full_like(share, low)
 
 
 def solver_for(robot: Robot) -> Solver:
-    """This process's solver of a robot, built on first use."""
+    """The solver of a robot in this process, built on first use."""
     if robot.digest not in _SOLVERS:
         _SOLVERS[robot.digest] = Solver(robot)
     return _SOLVERS[robot.digest]
 
 
 _SOLVERS: dict[str, Solver] = {}
-"""By the robot's digest; the one thing a process keeps between clips."""
+"""Solvers by the robot's digest; the only state that a process keeps between clips."""

@@ -1,4 +1,4 @@
-"""The URDF that placo is given: the robot's with only what the solver's tasks need, so that a solve takes less time."""
+"""URDF for placo: the robot's URDF reduced to what the solver's tasks need, which makes a solve faster."""
 
 from xml.etree import ElementTree as Xml
 
@@ -9,17 +9,17 @@ from pipeline.errors import PipelineError
 from pipeline.robot import Robot
 
 FRAME = "_link_frame"
-"""Ending of frames that are added to the URDF."""
+"""Suffix of frames that are added to the URDF."""
 
 
 def frame_on(robot: Robot, link: str) -> str:
-    """Name of the frame of a link that no joint is called, too (placo looks a name up among both)."""
+    """Name of a link's frame that differs from all joint names (placo searches both with one name)."""
     return f"{link}{FRAME}" if link in robot.joint_names else link
 
 
 def solver_urdf(robot: Robot) -> str:
-    """The robot's URDF with what the tasks need: no sites, joints that are not controlled fixed at their default, and
-    a frame of its own for each link that has the name of a joint."""
+    """The reduced URDF: without sites, with uncontrolled joints fixed at their default angle, and with an additional
+    frame for each link that has the name of a joint."""
     root = Xml.fromstring(robot.urdf)
     for link in root.findall("link"):
         if link.get("name") in robot.site_names:
@@ -40,7 +40,7 @@ def solver_urdf(robot: Robot) -> str:
 
 
 def _fix(urdf: Xml.Element, name: str, angle: float) -> None:
-    """Make a hinge of a URDF a fixed joint at `angle` [rad]. Raises PipelineError where it has no origin or axis."""
+    """Replace a hinge of a URDF by a fixed joint at `angle` [rad]. Raises PipelineError if it has no origin or axis."""
     joint, origin, axis = (urdf.find(f"joint[@name='{name}']{below}") for below in ("", "/origin", "/axis"))
     if joint is None or origin is None or axis is None:
         raise PipelineError(f"the URDF has no joint '{name}' with an origin and an axis, so it can't be fixed.")

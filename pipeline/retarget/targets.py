@@ -1,4 +1,4 @@
-"""What the robot should do in each frame, from the human's motion and the robot's proportions alone."""
+"""IK targets of each frame, from the human's motion and the proportions of human and robot."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -20,46 +20,46 @@ from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.trunk_lean import limited_lean
 
 FLAT_PERCENTILE = 30.0
-"""Of the foot's pitch over its stance frames: heel rise makes the upper part, so the foot is flat below."""
+"""Percentile of the foot's pitch over its stance frames that is the flat foot; the upper part is heel rise."""
 
 FLAT_TOLERANCE = 0.05
-"""[rad] A foot pitched this much more than flat still counts as flat."""
+"""Pitch above that of the flat foot up to which a foot counts as flat [rad]."""
 
 LIMB_STARTS, LIMB_ENDS = ([body_index(end) for end in ends] for ends in list(zip(*LIMBS, strict=True))[1:])
 """Bodies at the upper and the lower end of each of `LIMBS`."""
 
 PLAUSIBLE_LEG = (0.3, 1.4)
-"""Leg lengths [m] of anything that is a person; outside of it the unit is wrong."""
+"""Plausible leg lengths of a person [m]; a length outside this range means a wrong unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Proportions:
-    """What a person's skeleton and stance say, each as one number for the clip."""
+    """Proportions of a person, constant over the clip."""
 
     leg: float
     """Hip to knee plus knee to ankle, median, mean of both sides [m]."""
     hip_half_width: float
-    """Half the distance of the hip joints [m]."""
+    """Half the distance between the hip joints [m]."""
     ankle_height: Float[np.ndarray, " 2"]
     """Height of each ankle while the foot is flat on the ground, (left, right) [m]."""
     flat_pitch: Float[np.ndarray, " 2"]
     """Angle of the line from toe to ankle over the ground while the foot is flat, (left, right) [rad]."""
     ankle_to_toe: Float[np.ndarray, " 2"]
-    """Horizontal way from ankle to toe while the foot is flat, (left, right) [m]."""
+    """Horizontal distance from ankle to toe while the foot is flat, (left, right) [m]."""
 
 
 def measure(clip: HumanClip, contacts: Bool[np.ndarray, "t 2"]) -> Proportions:
-    """Proportions of the person in a clip. Raises ClipError where no person can have them."""
+    """Measure the person's proportions. Raises ClipError if the leg length is implausible."""
     hips, knees, ankles, toes = (clip.both(part) for part in ("hip", "knee", "ankle", "toe"))
     legs = median(rotation.length(hips - knees)) + median(rotation.length(knees - ankles))
     pitches, feet = foot_pitch(ankles, toes), median(rotation.length(ankles - toes))
     ankle_height, flat_pitch = np.empty(2), np.empty(2)
     for side in range(2):
         pitch, height = pitches[:, side], toes[:, side, 2]
-        stands = contacts[:, side] if contacts[:, side].any() else height <= percentile(height, 10.0)
-        flat_pitch[side] = percentile(pitch[stands], FLAT_PERCENTILE)
-        flat = pitch[stands] <= flat_pitch[side] + FLAT_TOLERANCE
-        ankle_height[side] = median(ankles[stands, side, 2][flat])
+        stance = contacts[:, side] if contacts[:, side].any() else height <= percentile(height, 10.0)
+        flat_pitch[side] = percentile(pitch[stance], FLAT_PERCENTILE)
+        flat = pitch[stance] <= flat_pitch[side] + FLAT_TOLERANCE
+        ankle_height[side] = median(ankles[stance, side, 2][flat])
     leg = float(np.mean(legs))
     if not PLAUSIBLE_LEG[0] <= leg <= PLAUSIBLE_LEG[1]:
         low, high = PLAUSIBLE_LEG
@@ -86,7 +86,7 @@ class Targets:
     contacts: Bool[np.ndarray, "t 2"]
     """Stance, (left, right)."""
     grip: Float[np.ndarray, "t 2"]
-    """How firmly a foot is held to its place: 1 in stances and in swings close by the other foot, 0 in others."""
+    """Interpolation factor of the foot weights: 1 in stances and in swings close to the other foot, 0 in others."""
     foot_pos_w: Float[np.ndarray, "t 2 3"]
     """Ankles (left, right) [m]."""
     foot_quat_w: Float[np.ndarray, "t 2 4"]
@@ -94,28 +94,35 @@ class Targets:
     pelvis_pos_w: Float[np.ndarray, "t 3"]
     """Origin of the pelvis link [m]."""
     pelvis_held: Float[np.ndarray, " t"]
-    """How firmly the pelvis is held to its horizontal path: 0 softly, 1 firmly."""
+    """Interpolation factor of the pelvis's horizontal weight: 0 `pelvis_horizontal`, 1 `pelvis_held`."""
     pelvis_smoothed: Float[np.ndarray, " t"]
-    """How firmly the pelvis is held to a smoothed path: 0 not at all, 1 firmly."""
+    """Interpolation factor of the weight of a smoothed pelvis path: 0 not used, 1 `path_smoothed`."""
     trunk_quat_w: Float[np.ndarray, "t 4"]
     waist_pos: Float[np.ndarray, " t"]
-    """Angle about the trunk's z by which the pelvis is to be turned to the left against the trunk [rad]."""
+    """Angle about the trunk's z by which the pelvis is turned to the left relative to the trunk [rad]."""
     limb_dir_w: Float[np.ndarray, "t 8 3"]
     """Unit directions of `LIMBS`."""
     leg_ratio: float
     """Robot length / human length used for all positions; the robot's speed / the human's."""
     foothold_moved: float
-    """Largest way [m] that a foothold was moved outward because the hips can't adduct further."""
+    """Largest outward shift [m] of a foothold because of the hips' adduction limit."""
     lateral_share: float
     """Least share of the human's lateral motion that is kept; 1 where no step is narrowed."""
     lean_taken_off: float
-    """Largest angle [rad] by which the trunk leans less than the human's chest."""
+    """Largest reduction [rad] of the trunk's lean relative to the human's chest."""
 
 
 def plan_targets(
     clip: HumanClip, contacts: Bool[np.ndarray, "t 2"], body: RobotBody, settings: RetargetSettings
 ) -> Targets:
-    """Targets for a clip at the robot's rate. Raises ClipError for a skeleton that is no person's."""
+    """Plan the IK targets of a clip at the robot's rate. Raises ClipError if the skeleton is implausible.
+
+    Args:
+        clip: human motion at the robot's rate, without missing samples
+        contacts: stances (left, right)
+        body: geometry of the robot
+        settings: settings of KP3, scaled to the robot
+    """
     person = measure(clip, contacts)
     ratio = settings.leg_scale * body.leg / person.leg
     clip = _smoothed(clip, settings.smooth_hz)
@@ -183,18 +190,18 @@ def _plan_feet(
     body: RobotBody,
     settings: RetargetSettings,
 ) -> tuple[Float[np.ndarray, "2 t 5"], float]:
-    """Plans of both feet (ankle x, y, z, yaw, pitch), in reach, spaced and above ground; `foothold_moved` [m].
+    """Plans of both feet (ankle x, y, z, yaw, pitch) within reach, spaced and above ground, and `foothold_moved` [m].
 
     Args:
-        clip: the person
+        clip: human motion
         raws: both feet, see `_scaled_feet`; their yaw is the pelvis's
         contacts: stances
         ratio: robot length / human length
-        widening_w: by how much the left foot is moved outward [m]
-        hips: the robot's
-        person: their proportions
-        body: the robot's
-        settings: of the foot plan
+        widening_w: offset of the left foot to the left; the right foot gets its negative [m]
+        hips: the robot's hips along the planned pelvis path
+        person: the person's proportions
+        body: the robot's geometry
+        settings: settings of KP3
     """
     feet, sole, heading = settings.feet, body.sole, raws[0, :, YAW]
     toes_w = clip.both("toe")
@@ -226,7 +233,8 @@ def _scaled_feet(
     person: Proportions,
     sole: Sole,
 ) -> Float[np.ndarray, "2 t 5"]:
-    """The human's feet as the robot's, no stance looked at: ankle x, y, z [m], yaw (the pelvis's), pitch [rad]."""
+    """Human feet scaled to the robot, before stances are applied: ankle x, y, z [m], yaw (the pelvis's), pitch
+    [rad]."""
     ankles, toes = clip.both("ankle"), clip.both("toe")
     raws = np.empty((2, clip.frame_count, 5))
     by_frame = raws.swapaxes(0, 1)
@@ -248,7 +256,7 @@ def _horizontal(vectors: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
 
 
 def _smoothed(clip: HumanClip, cutoff_hz: float) -> HumanClip:
-    """The clip low-passed; of the orientations the chest's alone. That of the pelvis only bounds the trunk's lean."""
+    """Low-pass the positions and the chest's orientation; the other orientations are not targets."""
     chest = body_index("chest")
     chest_quat_w = rotation.make_continuous(clip.body_quat_w[:, chest])
     flat_pos_w = clip.body_pos_w.reshape(clip.frame_count, -1)

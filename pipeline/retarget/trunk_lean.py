@@ -1,8 +1,8 @@
-"""How far the trunk leans: a robot without a spine leans with its pelvis, so a bent back is followed part of the way.
+"""Limit the trunk's lean: a robot without a spine leans with its pelvis, so it can follow a bent back only in part.
 
-A runner's chest leans by 45 to 70 degrees while the pelvis leans by half of that. The robot's trunk carries the hips:
-leaning as far as the chest it would be falling. Up to `free_lean` the trunk leans as the chest does, beyond it less and
-less, never more than `highest_lean` unless the person's pelvis does (lying, falling).
+A runner's chest leans by 45 to 70 degrees while the pelvis leans by half of that. The robot's trunk carries the hips,
+so with the chest's lean it would fall. Up to `free_lean` the trunk leans as the chest does; beyond it the lean
+saturates at `highest_lean`, unless the person's pelvis leans further (lying, falling).
 """
 
 import numpy as np
@@ -17,9 +17,9 @@ UP = np.array([0.0, 0.0, 1.0])
 def limited_lean(
     chest_quat_w: Float[np.ndarray, "t 4"], pelvis_quat_w: Float[np.ndarray, "t 4"], settings: TrunkSettings
 ) -> tuple[Float[np.ndarray, "t 4"], float]:
-    """Orientation of the trunk: the chest's with its lean limited; and the largest angle that was taken off [rad].
+    """Orientation of the trunk: the chest's with its lean limited; and the largest reduction [rad].
 
-    The lean is taken back about the horizontal axis that it is about, so the direction of the lean is kept.
+    The lean is reduced about its own horizontal axis, so its direction is kept.
     """
     lean, allowed = _lean(chest_quat_w), settings.highest_lean - settings.free_lean
     beyond = np.maximum(lean - settings.free_lean, 0.0)

@@ -29,7 +29,8 @@ class MotorLimits:
 
 
 def adapted_description(source: Description, limits: Mapping[str, MotorLimits]) -> Description:
-    """The robot with other limits for some joints. Both speed columns become the motor's, so the URDF has it too.
+    """The robot with other limits for some joints. Both speed columns are set to the motor's, so that the URDF has it,
+    too.
 
     Raises UnknownNameError for an unknown joint, RobotError for invalid limits.
     """
@@ -59,7 +60,7 @@ def files_of(description: Description) -> dict[str, str]:
 
 
 def config_text(config: Config) -> str:
-    """`robot.toml`. Names and numbers are written as JSON, which TOML reads alike."""
+    """`robot.toml`. Names and numbers are written in JSON notation, which is valid TOML."""
     lines = ["# What the tables beside this file do not state. Keys: pipeline/robot/description.py.", ""]
     for field in dataclasses.fields(Config):
         value = getattr(config, field.name)
@@ -76,7 +77,7 @@ def _key(name: str) -> str:
 
 
 def write_robot_folder(folder: Path, description: Description) -> Robot:
-    """Write tables and model files into `folder`, whose name becomes the robot's, and load it from there."""
+    """Write tables and model files into `folder`, and load the robot from there; its name is the folder's."""
     built = build_robot(dataclasses.replace(description, folder=folder))
     for name, text in description.contents.items():
         atomic.write_text(folder / name, text)

@@ -1,10 +1,10 @@
-"""A robot folder as written: its tables, `robot.toml`, and other names of its joints (`aliases.csv`, optional).
+"""Content of a robot folder: its tables, `robot.toml`, and alternative joint names (`aliases.csv`, optional).
 
     joint,booster_2026
     Left_Knee_Pitch,left_knee_pitch_joint
 
-Each further column of the aliases is a naming: that of a newer model file, of recordings, of another deployment
-program. It is no part of the robot's digest, since it changes nothing that is computed.
+Each further column of the aliases is a naming: of a newer model file, of recordings, of another deployment program. It
+is not part of the robot's digest, since it does not affect computations.
 """
 
 from collections.abc import Sequence
@@ -55,7 +55,7 @@ class Config:
     colours: dict[str, tuple[float, float, float]]
     """Red, green, blue in 0..1 of each colour named in the shapes table."""
     human_links: dict[str, str]
-    """Part of the human body (`HUMAN_LINKS`) to the link that turns with it."""
+    """Part of the human body (`HUMAN_LINKS`) -> link that corresponds to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +69,11 @@ class Description:
     shapes: tuple[ShapeRow, ...]
     sites: tuple[SiteRow, ...]
     contents: dict[str, str]
-    """Text of each file that was read, by its name."""
+    """File name -> text of each file."""
     namings: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Names of the joints in other namings, from `aliases.csv`."""
     aliases_text: str = ""
-    """The text of `aliases.csv`; empty where there is none."""
+    """The text of `aliases.csv`; empty without the file."""
 
     @property
     def name(self) -> str:
@@ -117,7 +117,7 @@ def read_aliases(folder: Path, joints: Sequence[str]) -> tuple[dict[str, tuple[s
 
 
 def _unclear(path: Path, joints: Sequence[str], namings: dict[str, tuple[str, ...]]) -> list[FileError]:
-    """Names that are empty or stand for two joints."""
+    """Faults for names that are empty or used for two joints."""
     owner = {joint: joint for joint in joints}
     faults = []
     for names in namings.values():

@@ -22,7 +22,7 @@ def mujoco_model(robot: Robot, ground: bool = False, timestep: float = 0.005) ->
     Args:
         robot: the robot
         ground: add a plane `ground` at z = 0
-        timestep: of the simulation [s]
+        timestep: timestep of the simulation [s]
     """
     return compiled(robot.mjcf, ground, timestep)
 
@@ -38,7 +38,7 @@ def compiled(mjcf: str, ground: bool = False, timestep: float = 0.005) -> mujoco
 
 @dataclass(frozen=True, kw_only=True)
 class LinkPoses:
-    """Poses of all links over T frames; links in the order of `Robot.link_names`."""
+    """Poses of all links over t frames; links in the order of `Robot.link_names`."""
 
     pos_w: Float[np.ndarray, "t l 3"]
     """Origins of the link frames, world frame [m]."""

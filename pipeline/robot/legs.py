@@ -1,4 +1,4 @@
-"""The joints of the legs, from the human correspondence and the tree; names do not matter."""
+"""The leg joints, from the human correspondence and the tree, independent of names."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from pipeline.robot.description import SIDES
 from pipeline.robot.robot import Robot
 
 AXIS_TOLERANCE = 0.01
-"""Largest distance between a mirrored joint axis and its partner's axis: .6 degrees."""
+"""Largest distance between a mirrored joint axis and its partner's axis (0.6 degrees)."""
 
 
 def mirrored_name(name: str, pairs: Sequence[tuple[str, str]]) -> str:
@@ -24,12 +24,12 @@ def mirrored_name(name: str, pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def mirror_index(names: Sequence[str], pairs: Sequence[tuple[str, str]]) -> Int[np.ndarray, " n"]:
-    """Index of each name's mirror partner; a name on the mid plane is its own."""
+    """Index of each name's mirror partner; a name on the sagittal plane is its own partner."""
     return np.array([names.index(mirrored_name(name, pairs)) for name in names])
 
 
 def mirror_sign(axis_root: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Sign with which a joint takes its partner's position: +1 or -1, or 0 if the axes are not mirror images.
+    """Sign of the partner's position in the mirrored pose: +1 or -1, or 0 if the axes are not mirror images.
 
     An axis of rotation is a pseudovector: reflection in the x-z plane takes (x, y, z) to (-x, y, -z).
 
@@ -44,7 +44,7 @@ def mirror_sign(axis_root: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " n"
 
 
 LATERAL = 0.9
-"""Least component along y of the axis of a joint that pitches."""
+"""Least y component of a pitch joint's axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ class Legs:
 
 
 def legs_of(robot: Robot) -> Legs:
-    """The legs of a robot. A hip without a pitching joint has its first joint in its place."""
+    """The legs of a robot. For a hip without a pitch joint, its first joint is used."""
     axes = robot.tree.joint_axes_root()
     joints, hips, knees, ankles = [], [], [], []
     for side in SIDES:

@@ -71,7 +71,7 @@ def load_robot(robot: str | Path) -> Robot:
 
 
 def model_folder(robot: str | Path) -> Path:
-    """The folder of a robot's name or path."""
+    """The folder of a robot given by name or path."""
     return ROBOTS / robot if isinstance(robot, str) else robot.resolve()
 
 

@@ -11,13 +11,14 @@ from pipeline.robot.robot import Robot
 POSITION = np.array([1.0, -1.0, 1.0])
 """Signs of a position's mirror image."""
 QUATERNION = np.array([1.0, -1.0, 1.0, -1.0])
-"""Reflecting y turns R into S R S with S = diag(1, -1, 1): rotations about x and z change sign, about y they stay."""
+"""Signs of a quaternion's mirror image: reflection maps R to S R S with S = diag(1, -1, 1), so rotations about x and z
+change sign."""
 MARK = "~mirror"
-"""What the name of a mirror image has and the name of the motion does not."""
+"""Suffix of the name of a mirrored motion."""
 
 
 def mirror_clip(clip: RobotClip, robot: Robot, name: str) -> RobotClip:
-    """The clip in a mirror: left and right joints, hands and feet exchanged. Twice gives the clip again, exactly."""
+    """Mirror a clip: left and right joints, hands and feet are exchanged. Applied twice, it is the exact identity."""
     return dataclasses.replace(
         clip,
         name=name,
@@ -29,7 +30,7 @@ def mirror_clip(clip: RobotClip, robot: Robot, name: str) -> RobotClip:
 
 
 def mirror_corners(vectors_w: Float[np.ndarray, "t 2 4 3"], robot: Robot) -> Float[np.ndarray, "t 2 4 3"]:
-    """Places or velocities of the soles' corners in a mirror: each corner is the image of one of the other sole."""
+    """Mirror positions or velocities of the sole corners; each corner is the image of one of the other sole."""
     sites = [[robot.tree.site_names.index(name) for name in names] for names in robot.sole_corners]
     left, right = (robot.tree.site_pos[each] for each in sites)
     partner = np.linalg.norm(right[:, None] - left * POSITION, axis=-1).argmin(axis=1)

@@ -35,7 +35,8 @@ COMMENT = "Rendered from the tables beside it by `python -m pipeline.robot.rende
 
 
 def render_mjcf(robot: Description, root_height: float) -> str:
-    """MJCF with the root link `root_height` [m] above the origin, so that the default pose stands on z = 0."""
+    """MJCF with the root link `root_height` [m] above the origin, so that the soles of the default pose are at z =
+    0."""
     model = Xml.Element("mujoco", model=robot.name)
     model.append(Xml.Comment(f" {COMMENT} "))
     _add(model, "compiler", angle="radian", eulerseq="XYZ", autolimits="true")
@@ -89,7 +90,7 @@ def _geom(body: Xml.Element, robot: Description, shape: ShapeRow) -> None:
 
 
 def _euler(angles: tuple[float, ...]) -> dict[str, tuple[float, ...]]:
-    """The attribute of a turned frame; none for one that is not."""
+    """The attribute of a rotated frame; empty for an unrotated one."""
     return {"euler": angles} if any(angles) else {}
 
 

@@ -15,12 +15,12 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
 
 FRAMES_AT_A_TIME = 160
-"""Frames whose arrays fit in the processor's cache."""
+"""Frames per batch, whose arrays fit in the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tree:
-    """L links, parents before children; link 0 is the root. Every other link has one hinge joint."""
+    """Kinematic tree of l links, parents before children; link 0 is the root. Every other link has one hinge joint."""
 
     link_names: tuple[str, ...]
     parent: Int[np.ndarray, " l"]
@@ -40,7 +40,7 @@ class Tree:
     """Position of each site in its link's frame [m]."""
 
     def chain(self, link: int) -> list[int]:
-        """A link and those above it, without the root link."""
+        """A link and its ancestors, without the root link."""
         found = []
         while link > 0:
             found.append(link)
@@ -49,7 +49,7 @@ class Tree:
 
     @cached_property
     def by_level(self) -> tuple[Int[np.ndarray, " l"], tuple[slice, ...]]:
-        """Links in the order of their depth (joints to the root), and where depths 1, 2, ... are in that order."""
+        """Links sorted by depth (number of joints to the root), and the slices of depths 1, 2, ... in that order."""
         depth = np.zeros(len(self.parent), dtype=int)
         for link in range(1, len(depth)):
             depth[link] = depth[self.parent[link]] + 1
@@ -142,7 +142,7 @@ class Robot:
     torque_limit: Float[np.ndarray, " j"]
     """[N m]"""
     armature: Float[np.ndarray, " j"]
-    """Rotor inertia seen at the joint [kg m^2]."""
+    """Rotor inertia reflected to the joint [kg m^2]."""
     kp: Float[np.ndarray, " j"]
     """Stiffness of the joint controller [N m/rad]."""
     kd: Float[np.ndarray, " j"]
@@ -150,7 +150,7 @@ class Robot:
     default_joint_pos: Float[np.ndarray, " j"]
     """The default pose [rad]."""
     default_root_height: float
-    """Height [m] of the root link's origin when the default pose stands on the ground."""
+    """Height [m] of the root link's origin in the default pose with the soles on the ground."""
 
     mirror_index: Int[np.ndarray, " j"]
     """Each joint's partner in the mirror image; see `mirror_sign`."""
@@ -187,7 +187,7 @@ class Robot:
     def breadth_first(self) -> tuple[str, ...]:
         """The joints level by level of the kinematic tree, each level in the order of its links.
 
-        It is the order in which Isaac Sim numbers joints, and so that of Booster's published policies.
+        Isaac Sim and Booster's published policies use this order.
         """
         level, links = [0], []
         while level:
@@ -225,15 +225,15 @@ class Robot:
         return round(float(np.mean(legs)), 4)
 
     def own_names(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Names of joints with those of another naming replaced by the robot's own; unknown names stay."""
+        """Replace joint names of another naming by the robot's own; unknown names are unchanged."""
         own: dict[str, str] = {}
         for naming in self.namings.values():
             own |= dict(zip(naming, self.joint_names, strict=True))
         return tuple(name if name in self.joint_names else own.get(name, name) for name in names)
 
     def in_naming(self, naming: str) -> "Robot":
-        """The robot whose joints have the names of a naming, for what is written for others to read; its own names are
-        then the naming `own`. Raises UnknownNameError."""
+        """The robot with joint names of another naming, for exports; its own names are then the naming `own`. Raises
+        UnknownNameError."""
         if naming not in self.namings:
             raise UnknownNameError("naming", naming, tuple(self.namings))
         renamed = dict(zip(self.joint_names, self.namings[naming], strict=True))

@@ -1,8 +1,8 @@
-"""Figures of settings that belong to the size of a robot, carried over to another robot.
+"""Scale settings to the size of a robot.
 
-Thresholds were calibrated on one robot. A settings file names its size in `calibrated_on`, and the fields that depend
-on it are annotated with `Scaled`; `scaled` gives their values for the robot at hand. For the robot that a file was
-calibrated on, all values are exactly those of the file.
+Thresholds were calibrated on one robot. A settings file states its size in `calibrated_on`, and the fields that depend
+on it are annotated with `Scaled`; `scaled` converts them to another robot. For the robot that a file was calibrated on,
+all values are exactly those of the file.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from pipeline.robot.robot import Robot
 
 @dataclass(frozen=True, kw_only=True)
 class RobotSize:
-    """Size of the robot that figures hold for."""
+    """Size of the robot that settings were calibrated on."""
 
     leg_length: Annotated[float, POSITIVE, Unit("m")]
     """`Robot.leg_length` [m]."""
@@ -37,7 +37,7 @@ def ratios_to(known: RobotSize, robot: Robot) -> tuple[RobotSize, tuple[float, f
 
 @runtime_checkable
 class Calibrated(Protocol):
-    """Settings that name the robot they were calibrated on."""
+    """Settings that state the size of the robot that they were calibrated on."""
 
     @property
     def calibrated_on(self) -> RobotSize: ...
@@ -47,11 +47,11 @@ S = TypeVar("S", bound=Calibrated)
 
 
 def scaled(settings: S, robot: Robot) -> S:
-    """The settings (a dataclass) for `robot`. Settings that were scaled to it already are returned as they are."""
-    wanted, ratios = ratios_to(settings.calibrated_on, robot)
-    if settings.calibrated_on == wanted:
+    """The settings (a dataclass) for `robot`. Settings already scaled to it are returned unchanged."""
+    size, ratios = ratios_to(settings.calibrated_on, robot)
+    if settings.calibrated_on == size:
         return settings
-    return dataclasses.replace(_scaled(settings, ratios), calibrated_on=wanted)
+    return dataclasses.replace(_scaled(settings, ratios), calibrated_on=size)
 
 
 def _scaled(section: Any, ratios: tuple[float, float]) -> Any:

@@ -32,7 +32,7 @@ class Row:
         return getattr(self, dataclasses.fields(self)[1].name)
 
     def numbers(self, *columns: str) -> tuple[float, ...]:
-        """Values of several number columns, in the order asked for."""
+        """Values of several number columns, in the given order."""
         return tuple(getattr(self, column) for column in columns)
 
 
@@ -94,7 +94,7 @@ class JointRow(Row):
     torque: float
     """Torque limit [N m]."""
     armature: float
-    """Inertia of the rotor, seen at the joint [kg m^2]."""
+    """Rotor inertia reflected to the joint [kg m^2]."""
     kp: float
     """[N m/rad]"""
     kd: float

@@ -1,1 +1,1 @@
-"""What a robot folder lacks or contradicts, and how it differs from another model file of the robot."""
+"""Check a robot folder for missing data and contradictions, and compare it with another model file of the robot."""

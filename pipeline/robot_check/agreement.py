@@ -1,4 +1,4 @@
-"""Whether a robot's MJCF and URDF are the same robot, by the tools that others load them with."""
+"""Check that a robot's MJCF and URDF describe the same robot, with MuJoCo and Pinocchio."""
 
 import mujoco
 
@@ -8,7 +8,7 @@ from pipeline.robot import Robot
 def models_agree(robot: Robot) -> tuple[bool, str]:
     """Compile the MJCF with MuJoCo and the URDF with Pinocchio; compare mass (to 1e-6 kg) and joint names.
 
-    Returns whether they agree, and what was found.
+    Returns whether they agree, and a text on the result.
     """
     import pinocchio
 

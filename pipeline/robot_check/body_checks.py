@@ -1,4 +1,4 @@
-"""Masses, inertias, the links that stand for parts of a person, and left against right."""
+"""Checks of masses, inertias, links of human body parts, and left-right symmetry."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,12 +28,12 @@ MIRRORED_POSE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something that a robot folder lacks or contradicts."""
+    """A missing or contradictory value in a robot folder."""
 
     code: str
     """Short name of the check, for counting."""
     text: str
-    """What was found, with the link, joint or site, what was got, and what is expected."""
+    """Description with the link, joint or site, the value and the expected value."""
 
     def __str__(self) -> str:
         return f"{self.code}: {self.text}"
@@ -75,7 +75,7 @@ def _bounds(shapes: list[ShapeRow]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def key_links(robot: Robot) -> Iterator[Finding]:
-    """Key links that do not begin with the root link, which tracking takes the first one for."""
+    """Key links that do not begin with the root link, as tracking requires."""
     if not robot.key_links or robot.key_links[0] != robot.root_link:
         first = f"begin with '{robot.key_links[0]}'" if robot.key_links else "are empty"
         yield Finding(
@@ -84,7 +84,7 @@ def key_links(robot: Robot) -> Iterator[Finding]:
 
 
 def human_parts(robot: Robot) -> Iterator[Finding]:
-    """Parts of a person whose links are not in the order of a body, or on the other side."""
+    """Human body parts whose links are in the wrong order or on the wrong side."""
     chains = [(side, ("pelvis", "thigh", "shank", "foot")) for side in SIDES]
     chains += [(side, ("trunk", "upper_arm", "forearm")) for side in SIDES]
     for side, parts in chains:
@@ -112,7 +112,7 @@ def _sites_at_zero(robot: Robot) -> dict[str, np.ndarray]:
 
 
 def mirrored_figures(robot: Robot) -> Iterator[Finding]:
-    """A mirror map that is no involution; joints whose figures are not those of their partners."""
+    """A mirror map that is not an involution; joints whose values differ from their partners'."""
     partner, sign = robot.mirror_index, robot.mirror_sign
     for kind, names, index in (
         ("joint", robot.joint_names, partner),
@@ -145,7 +145,7 @@ def mirrored_figures(robot: Robot) -> Iterator[Finding]:
 
 
 def mirrored_sites(robot: Robot) -> Iterator[Finding]:
-    """Sites of the left that are not mirror images of those of the right, all joints at zero."""
+    """Left sites that are not mirror images of the right ones, all joints at zero."""
     place = _sites_at_zero(robot)
     pairs = [robot.hands, robot.feet]
     pairs += [(name, name.replace("left_", "right_", 1)) for name in HUMAN_SITES if name.startswith("left_")]

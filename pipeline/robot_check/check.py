@@ -14,12 +14,12 @@ from pipeline.robot_check.pose_checks import default_pose, drives, standing, ste
 from pipeline.robot_import.read import read_model
 
 SHOWN = 5
-"""Differences of one file that are listed."""
+"""Most differences listed per file."""
 
 
 def check_folder(folder: Path) -> list[Finding]:
-    """Findings on a folder. Tables that cannot be read, or left and right that are no mirror images, end the list,
-    since all other checks rest on them. Raises RobotError only where there is no folder."""
+    """Findings on a folder. The list ends with unreadable tables or with left and right that are not mirror images,
+    since all other checks depend on these. Raises RobotError only if there is no folder."""
     folder = folder.resolve()
     if not folder.is_dir():
         read_description(folder)

@@ -1,4 +1,4 @@
-"""Two models of one robot, joint by joint. Joints are matched by where they are, so that renamed ones are found."""
+"""Compare two models of one robot joint by joint. Joints are matched by position, so that renamed ones are found."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,7 +22,7 @@ RELATIVE, ABSOLUTE = 1e-4, 1e-7
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """One figure that differs. None is what a model does not state."""
+    """One value that differs. None: not stated by the model."""
 
     name: str
     """Joint or link of the first model."""
@@ -68,7 +68,7 @@ def model_of(description: Description, rendered: bool = False) -> MakerModel:
 
 
 def match(first: MakerModel, second: MakerModel) -> dict[int, int]:
-    """Links of `first` to those of `second` that are at the same place below matched parents."""
+    """Links of `first` -> links of `second` at the same position below matched parents."""
     (places, turns), (other_places, other_turns) = first.origins(), second.origins()
     pairs = {0: 0}
     taken = {0}
@@ -92,7 +92,7 @@ def match(first: MakerModel, second: MakerModel) -> dict[int, int]:
 
 
 def compare(first: MakerModel, second: MakerModel) -> list[Difference]:
-    """Differences in the order of the first model's links; joints that only one model has come last."""
+    """Differences in the order of the first model's links; joints that exist in only one model come last."""
     pairs = match(first, second)
     found: list[Difference] = []
     for index, other in pairs.items():

@@ -1,4 +1,4 @@
-"""The default pose: on the ground, free of contact, in balance, and held by the gains."""
+"""Checks of the default pose: soles on the ground, no self-collision, balance, sufficient gains."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +19,7 @@ LEVEL = 0.003
 SOLE = 0.003
 """Largest distance of the foot's lowest shape from its sole corners [m]."""
 DEEP = 0.001
-"""Depth of an overlap that counts [m]."""
+"""Least depth of an overlap that is reported [m]."""
 BALANCE = 0.01
 """Least distance of the centre of mass from the edge of the support [m]."""
 SAG = 0.2
@@ -32,7 +32,7 @@ SPEEDS = (1.0, 100.0)
 GROWTH = 1.001
 """Factor by which a disturbance may grow in one physics step."""
 MARGIN = 0.9
-"""Of the largest stable gain of a joint alone, what is advised: joints that move each other shake sooner."""
+"""Recommended share of the largest stable gain of a single joint, since coupled joints become unstable earlier."""
 
 
 def default_pose(robot: Robot) -> Iterator[Finding]:
@@ -94,12 +94,12 @@ def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
 
 def _contacts(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
     feet = {int(model.site(name).bodyid[0]) for name in robot.feet}
-    seen = set()
+    reported = set()
     for contact in data.contact[: data.ncon]:
         bodies = tuple(sorted(int(model.geom_bodyid[geom]) for geom in contact.geom))
-        if contact.dist > -DEEP or bodies in seen or (bodies[0] == 0 and bodies[1] in feet):
+        if contact.dist > -DEEP or bodies in reported or (bodies[0] == 0 and bodies[1] in feet):
             continue
-        seen.add(bodies)
+        reported.add(bodies)
         names = [model.body(body).name for body in bodies]
         overlap = f"links '{names[0]}' and '{names[1]}' overlap"
         what = f"link '{names[1]}' is in the ground" if bodies[0] == 0 else overlap
@@ -132,7 +132,7 @@ def drives(robot: Robot) -> Iterator[Finding]:
 
 
 def step_stability(robot: Robot) -> Iterator[Finding]:
-    """A joint that shakes in simulation: its gains are too large for its inertia and the physics step of training.
+    """A joint that is unstable in simulation: gains too large for its inertia and the physics step of training.
 
     One step of v' = v - dt M^-1 (kp q + kd v), q' = q + dt v' around the default pose, off the ground, must not enlarge
     any disturbance. A single joint of inertia J is stable where kd dt / J + kp dt^2 / (2 J) < 2 (Jury's criterion).
@@ -172,8 +172,8 @@ def _standing_torque(robot: Robot) -> np.ndarray:
 
 
 def standing(folder: Path, robot: Robot) -> Iterator[Finding]:
-    """A pose and gains of `standing.csv` with which the robot does not stand in simulation. The gains of joints.csv are
-    those of a policy that balances, and need not."""
+    """A pose and gains of `standing.csv` with which the robot does not stand in simulation. The gains of joints.csv
+    are for a policy that balances, so they are not tested."""
     try:
         pose = read_standing_pose(folder, robot)
     except FileError as error:

@@ -1,1 +1,1 @@
-"""A robot folder from its maker's URDF or MJCF."""
+"""Create a robot folder from the manufacturer's URDF or MJCF."""

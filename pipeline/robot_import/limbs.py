@@ -1,6 +1,6 @@
-"""Which links of a robot are its legs, arms and head, from the shape of the tree and where the limbs end.
+"""Identify the links of legs, arms and head, from the shape of the tree and the ends of the limbs.
 
-Names do not matter: two limbs that mirror each other and end lowest are the legs, the next two the arms.
+Names are not used: the two limbs that mirror each other and end lowest are the legs, the next two the arms.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pipeline.errors import FileError
 from pipeline.robot_import.maker_model import MakerModel, corner_points
 
 MIDDLE = 0.02
-"""A limb whose links are on average closer to the x-z plane than this is on the middle [m]."""
+"""Mean distance of a limb's links to the x-z plane below which it is a central limb [m]."""
 PARTNER = 0.03
 """Largest distance of a limb's first joint from the mirror image of its partner's [m]."""
 BEND = 3
@@ -39,7 +39,7 @@ class Body:
 
 
 def find_body(model: MakerModel) -> Body:
-    """Raises FileError where no legs and arms of four joints or more can be distinguished."""
+    """Find the parts. Raises FileError if no legs and arms of four joints or more can be distinguished."""
     origins, turns = model.origins()
     middle = _middle_links(model, origins)
     roots = [child for link in middle for child in model.children(link) if child not in middle]
@@ -66,7 +66,7 @@ def find_body(model: MakerModel) -> Body:
 
 
 def _middle_links(model: MakerModel, origins: Float[np.ndarray, "l 3"]) -> set[int]:
-    """Links that carry limbs of both sides, and those on the way to them."""
+    """Links that carry limbs of both sides, and the links between them and the root."""
     sides: list[set[int]] = []
     for index in range(len(model.links)):
         below = [link for link in range(len(model.links)) if index in _path(model, link) and not model.children(link)]
@@ -75,7 +75,7 @@ def _middle_links(model: MakerModel, origins: Float[np.ndarray, "l 3"]) -> set[i
 
 
 def _path(model: MakerModel, link: int) -> list[int]:
-    """The link and all above it."""
+    """The link and its ancestors."""
     path = [link]
     while model.links[path[-1]].parent >= 0:
         path.append(model.links[path[-1]].parent)
@@ -90,7 +90,7 @@ def _limb(model: MakerModel, root: int) -> Limb:
 
 
 def _common_parent(model: MakerModel, pair: tuple[Limb, Limb]) -> int:
-    """The link that both limbs of a pair hang on: the last that is above both."""
+    """The link that both limbs of a pair are attached to: their lowest common ancestor."""
     left, right = (_path(model, model.links[limb[0]].parent) for limb in pair)
     return next(link for link in left if link in right)
 

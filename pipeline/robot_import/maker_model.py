@@ -1,4 +1,4 @@
-"""A maker's model as read from its file, before anything is proposed: links, joints, shapes, sites.
+"""A manufacturer's model as read from its file: links, joints, shapes, sites.
 
 Links without a movable joint are merged into their parents by the readers, so every link but the root has one hinge.
 """
@@ -36,7 +36,7 @@ class MakerJoint:
 
 @dataclass(frozen=True, kw_only=True)
 class MakerLink:
-    """A link with the mass of everything that is fixed to it."""
+    """A link, including the mass of all parts fixed to it."""
 
     name: str
     parent: int
@@ -60,7 +60,7 @@ class MakerShape:
     """A shape on a link."""
 
     name: str
-    """Empty where the file gives none."""
+    """Name of the shape; empty if the file has none."""
     link: str
     kind: str
     """`box`, `sphere`, `cylinder`, `capsule`, or `mesh`."""
@@ -88,14 +88,14 @@ class MakerSite:
 
 @dataclass(frozen=True, kw_only=True)
 class MakerModel:
-    """A model file. `links[0]` is the root; the order is a walk down one limb after the other."""
+    """A model file. `links[0]` is the root; links are in depth-first order."""
 
     path: Path
     links: tuple[MakerLink, ...]
     shapes: tuple[MakerShape, ...]
     sites: tuple[MakerSite, ...]
     notes: tuple[str, ...]
-    """What of the file was not used, a sentence each."""
+    """Parts of the file that were not used, one sentence each."""
 
     @property
     def joints(self) -> tuple[MakerJoint, ...]:
@@ -141,7 +141,7 @@ def corner_points(shape: MakerShape) -> Float[np.ndarray, "n 3"]:
     radius, *length = shape.size
     half = length[0] if length else 0.0
     around = np.eye(3)
-    if shape.kind == "cylinder":  # the rims, which are square to the axis
+    if shape.kind == "cylinder":  # points on the rims, perpendicular to the axis
         around -= np.outer(axis, axis)
         around /= np.maximum(np.linalg.norm(around, axis=1, keepdims=True), ZERO)
     ends = (shape.pos - half * axis, shape.pos + half * axis)
@@ -149,10 +149,10 @@ def corner_points(shape: MakerShape) -> Float[np.ndarray, "n 3"]:
 
 
 DIGITS = 10
-"""Significant digits; more are rounding of a file's own."""
+"""Significant digits; further ones are rounding errors of the file."""
 ZERO = 1e-10
 RIGHT_ANGLE = 1e-4
-"""An angle this close to a multiple of a right angle is meant as one [rad]."""
+"""Deviation up to which an angle is rounded to a multiple of 90 degrees [rad]."""
 
 
 def rounded(values: Iterable[float]) -> tuple[float, ...]:
@@ -161,7 +161,7 @@ def rounded(values: Iterable[float]) -> tuple[float, ...]:
 
 
 def columns(names: str, values: Iterable[float]) -> dict[str, float]:
-    """Values by the columns that they are written to, whose names are separated by blanks."""
+    """Column -> value; `names` are the columns separated by blanks."""
     return dict(zip(names.split(), values, strict=True))
 
 
@@ -171,7 +171,7 @@ def quat_of(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
 
 
 def round_axis(quat: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
-    """The smallest turn (wxyz) to the long axis of a cylinder or capsule, whose ends and angle about it are alike."""
+    """The smallest rotation (wxyz) to the long axis of a cylinder or capsule, which is symmetric about it."""
     axis = rotation.rotate(quat, np.array([0.0, 0.0, 1.0]))
     x, y, z = np.where(np.abs(axis) < RIGHT_ANGLE, 0.0, axis).tolist()
     if z < 0.0 or (z == 0.0 and (y > 0.0 or (y == 0.0 and x < 0.0))):
@@ -185,7 +185,7 @@ def round_axis(quat: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
 def rpy_of(quat: Float[np.ndarray, " 4"]) -> tuple[float, ...]:
     """Roll, pitch, yaw about fixed axes [rad] of an orientation (wxyz); right angles are exact."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: any of the equal triples will do
+        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: any equivalent triple is valid
         angles = Rotation.from_quat(np.roll(quat, -1)).as_euler("xyz")
     steps = np.round(angles / (np.pi / 2))
     near = np.abs(angles - steps * np.pi / 2) < RIGHT_ANGLE

@@ -1,4 +1,4 @@
-"""Meshes of a maker's model: their vertices, and the primitive that stands for one."""
+"""Meshes of a manufacturer's model: their vertices, and primitives that replace them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,13 +10,13 @@ from jaxtyping import Float
 from pipeline import rotation
 
 MESH_DECIMALS = 4
-"""What is measured from meshes is rounded to 0.1 mm, so that left and right are alike."""
+"""Decimals of mesh dimensions [m]: rounded to 0.1 mm, so that left and right are equal."""
 FLAT = 0.002
-"""Points this close to the lowest one belong to the bottom of a foot [m]."""
+"""Height above the lowest point up to which points belong to the bottom of a foot [m]."""
 ROUND = 1.3
-"""A mesh whose longest extent is no more than this times the mean of the others is a sphere, else a capsule."""
+"""Largest ratio of the longest extent to the mean of the others for a sphere; otherwise a capsule."""
 FILLED = 0.9
-"""Radius over the mean half extent: corners of the bounds are empty."""
+"""Ratio of radius to mean half extent, since the corners of the bounds are empty."""
 
 
 def mesh_points(path: Path, scale: Sequence[float]) -> Float[np.ndarray, "n 3"]:
@@ -26,7 +26,7 @@ def mesh_points(path: Path, scale: Sequence[float]) -> Float[np.ndarray, "n 3"]:
         points = np.asarray(mesh.vertices, dtype=float) * np.asarray(scale)
     except (MemoryError, OSError):
         raise
-    except Exception as error:  # each format of the library raises its own
+    except Exception as error:  # each format of the library raises its own errors
         raise ValueError(f"the mesh '{path.name}' cannot be read ({error}), so its shape is missing.") from error
     if points.ndim != 2 or len(points) < 4 or not np.isfinite(points).all():
         raise ValueError(f"the mesh '{path.name}' has no usable vertices, so its shape is missing.")
@@ -36,7 +36,7 @@ def mesh_points(path: Path, scale: Sequence[float]) -> Float[np.ndarray, "n 3"]:
 def primitive_of(
     points: Float[np.ndarray, "n 3"],
 ) -> tuple[str, Float[np.ndarray, " 3"], Float[np.ndarray, " 4"], tuple[float, ...]]:
-    """(kind, position, orientation wxyz, size) of the sphere or capsule along a link axis that stands for a mesh."""
+    """(kind, position, orientation wxyz, size) of the sphere or capsule along a link axis that replaces a mesh."""
     low, high = points.min(axis=0), points.max(axis=0)
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     axis = int(np.argmax(half))

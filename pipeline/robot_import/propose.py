@@ -1,4 +1,4 @@
-"""The tables of a robot folder from a maker's model: what the file states, and proposals for the rest."""
+"""Tables of a robot folder from a manufacturer's model: values of the file, and proposals for missing ones."""
 
 import dataclasses
 import re
@@ -28,20 +28,20 @@ STIFFNESS = 4.0
 DAMPING = 1.0 / 40.0
 """Proposed kd over kp [s]."""
 ARMATURE = 0.01
-"""Proposed where the file has none [kg m^2]."""
+"""Proposed armature if the file has none [kg m^2]."""
 TORQUE, SPEED = 10.0, 10.0
-"""Placeholders where the file has none [N m], [rad/s]."""
+"""Placeholders for limits that the file lacks [N m], [rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """A robot folder that is not written yet."""
+    """A proposed robot folder, not yet written."""
 
     description: Description
     to_state: tuple[str, ...]
-    """What a person must still state or look at, a sentence each."""
+    """Values that the user must still state or check, one sentence each."""
     notes: tuple[str, ...]
-    """What of the model files was not used."""
+    """Parts of the model files that were not used."""
 
 
 def propose(model: MakerModel, name: str, *, shapes: MakerModel | None = None, stated: Stated = NOTHING) -> Proposal:
@@ -49,9 +49,10 @@ def propose(model: MakerModel, name: str, *, shapes: MakerModel | None = None, s
     tables contradict each other.
 
     Args:
-        model: the maker's file: tree, inertias, limits
-        shapes: another file of the same robot, to take its shapes and sites
-        stated: values that take the place of the file's
+        model: the manufacturer's file: tree, inertias, limits
+        name: name of the robot
+        shapes: another file of the same robot, for its shapes and sites
+        stated: values that override the file's
     """
     body = find_body(model)
     source, todo = shapes or model, []
@@ -92,7 +93,7 @@ def _link_row(line: int, link: MakerLink, model: MakerModel) -> LinkRow:
 
 
 def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) -> tuple[JointRow, ...]:
-    """The joints table; what was proposed is added to `todo`."""
+    """The joints table; proposed values are added to `todo`."""
     proposed: dict[str, list[str]] = {}
     others = {model.links[index].name for index in body.others}
 
@@ -215,14 +216,14 @@ def propose_pairs(partners: Iterable[tuple[str, str]]) -> tuple[tuple[str, str],
 
 
 def _difference(left: str, right: str) -> tuple[str, str]:
-    """What differs, widened to the whole words that it is part of: AL1, AR1 differ by AL, AR."""
+    """The differing parts of two names, extended to whole words: AL1, AR1 differ by AL, AR."""
     start = _alike(left, right)
     end = _alike(left[start:][::-1], right[start:][::-1])
     while start > 0 and re.match(r"[A-Za-z]", left[start - 1]):
         start -= 1
     while end > 0 and re.match(r"[A-Za-z]", left[len(left) - end]):
         end -= 1
-    if len(left) - end - start == 1:  # a single letter occurs in other words, too: take a separator with it
+    if len(left) - end - start == 1:  # a single letter occurs in other words, too: include a separator
         if end > 0:
             end -= 1
         elif start > 0:
@@ -231,7 +232,7 @@ def _difference(left: str, right: str) -> tuple[str, str]:
 
 
 def _alike(first: str, second: str) -> int:
-    """Number of characters that two texts begin with alike."""
+    """Length of the common prefix of two texts."""
     differing = (place for place, (a, b) in enumerate(zip(first, second, strict=False)) if a != b)
     return next(differing, min(len(first), len(second)))
 

@@ -1,4 +1,4 @@
-"""Rows of shapes.csv from a maker's shapes; primitives in place of meshes."""
+"""Rows of shapes.csv from a manufacturer's shapes, with primitives in place of meshes."""
 
 from dataclasses import replace
 
@@ -12,12 +12,11 @@ from pipeline.robot_import.meshes import MESH_DECIMALS, primitive_of, sole_box
 
 COLOURS = {"shell": (0.86, 0.87, 0.88), "sole": (0.35, 0.36, 0.4)}
 SUFFIXES = ("_collision", "_visual")
-"""Of geoms in MJCF that this project renders."""
+"""Suffixes of geoms in MJCF that this project renders."""
 
 
 def propose_shapes(source: MakerModel, model: MakerModel, body: Body) -> tuple[tuple[ShapeRow, ...], tuple[str, ...]]:
-    """(rows, links that a primitive stands for the mesh of). Meshes that are only shown are used where a link has no
-    other shape."""
+    """(rows, links whose mesh was replaced by a primitive). Visual meshes are used for links without other shapes."""
     feet = {model.links[leg[-1]].name for leg in body.legs}
     rows: list[ShapeRow] = []
     fitted: list[str] = []
@@ -44,7 +43,7 @@ def _role(shape: MakerShape, shown: list[MakerShape]) -> str:
 
 
 def _repeated(shapes: list[MakerShape]) -> list[MakerShape]:
-    """Shapes that are only shown and stand at the place of one that collides."""
+    """Visual shapes that duplicate a collision shape."""
     solid = [shape for shape in shapes if shape.collides]
     return [shape for shape in shapes if not shape.collides and any(_same(shape, each) for each in solid)]
 
@@ -59,7 +58,7 @@ def _same(first: MakerShape, second: MakerShape) -> bool:
 
 
 def _fitted(shape: MakerShape, is_foot: bool) -> MakerShape:
-    """The primitive that stands for a mesh."""
+    """The primitive that replaces a mesh."""
     assert shape.points is not None
     if is_foot:
         pos, size = sole_box(shape.points)

@@ -1,4 +1,4 @@
-"""Rows of sites.csv: the maker's own sites, and proposals for soles, hands and the counterparts of human joints."""
+"""Rows of sites.csv: the manufacturer's sites, and proposals for soles, hands and the counterparts of human joints."""
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,7 @@ from pipeline.robot_import.meshes import FLAT, MESH_DECIMALS
 
 CORNERS = ("front_left", "front_right", "rear_right", "rear_left")
 WRIST = 0.86
-"""Wrist on the way from the elbow to the end of the arm, where no joint tells (the T1's)."""
+"""Position of the wrist between elbow and end of the arm, for arms without a wrist joint (as on the T1)."""
 
 
 HANDS, FEET = ("left_hand", "right_hand"), ("left_sole_centre", "right_sole_centre")
@@ -32,7 +32,7 @@ Places = dict[str, tuple[str, np.ndarray, str]]
 def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> tuple[tuple[SiteRow, ...], tuple[str, ...]]:
     """Sites of a robot, and sentences on those that are guessed from shapes.
 
-    A site of the file that has the name of a proposed one takes its place.
+    A site of the file replaces a proposed one with the same name.
     """
     of_file = {site.name: (site.link, site.pos, f"{source.path.name}") for site in source.sites}
     places: Places = {}
@@ -73,7 +73,7 @@ def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
 
 
 def _is_level(model: MakerModel, link: int) -> bool:
-    """Whether a link's joint turns it about a level axis, all joints at zero. A hip of yaw, roll and pitch (Unitree H1)
+    """Whether a link's joint axis is horizontal, all joints at zero. A hip of yaw, roll and pitch (Unitree H1)
     ends in its pitch joint, a hip of pitch, roll and yaw in its roll joint: the yaw's origin may be anywhere along the
     thigh."""
     joint = model.links[link].joint
@@ -82,7 +82,7 @@ def _is_level(model: MakerModel, link: int) -> bool:
 
 
 LEVEL = 0.7
-"""Vertical part of a unit axis below which it is level."""
+"""Vertical component of a unit axis below which it is horizontal."""
 
 
 def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], float]:
@@ -118,7 +118,7 @@ def _arm(source: MakerModel, model: MakerModel, side: str, arm: Limb) -> tuple[P
 
 def _hand(source: MakerModel, link: str) -> tuple[np.ndarray, np.ndarray]:
     """Hand and wrist at the end of an arm's last link: centre and near side of a sphere there, else the far end of
-    its shapes and a place before it."""
+    its shapes and a point before it."""
     shapes = [shape for shape in source.shapes if shape.link == link]
     points = np.vstack([corner_points(shape) for shape in shapes] or [np.zeros((1, 3))])
     low, high = points.min(axis=0), points.max(axis=0)

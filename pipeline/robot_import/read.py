@@ -1,4 +1,4 @@
-"""Read a maker's model file by what it is."""
+"""Read a manufacturer's model file, URDF or MJCF."""
 
 from pathlib import Path
 from xml.etree import ElementTree as Xml
@@ -19,7 +19,7 @@ def read_model(path: Path) -> MakerModel:
         raise FileError(path, f"it is larger than {MAX_BYTES:,} bytes.", "Name the model file itself, not an archive.")
     try:
         root = Xml.fromstring(path.read_bytes())
-    except (Xml.ParseError, ValueError, LookupError) as error:  # no XML, or an encoding that Python does not know
+    except (Xml.ParseError, ValueError, LookupError) as error:  # not XML, or an unknown encoding
         raise FileError(path, f"it is not XML ({error}).", "Name the URDF or MJCF of the robot's maker.") from error
     if root.tag == "robot":
         return read_urdf(path, root)

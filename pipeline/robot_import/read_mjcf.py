@@ -54,7 +54,7 @@ def read_mjcf(path: Path) -> MakerModel:
 
 
 def _without_missing_meshes(spec: mujoco.MjSpec, path: Path) -> tuple[str, ...]:
-    """Remove geoms whose mesh file is not there; a sentence for each mesh."""
+    """Remove geoms whose mesh file is missing; return a sentence for each mesh."""
     folder = path.parent / spec.meshdir if spec.meshdir else path.parent
     missing = [mesh for mesh in spec.meshes if mesh.file and not (folder / mesh.file).is_file()]
     names = {mesh.name or Path(mesh.file).stem for mesh in missing}
@@ -114,7 +114,7 @@ def _in_owner(model: mujoco.MjModel, body: int, owner: dict[int, int]) -> pinocc
 
 
 def _full_inertias(spec: mujoco.MjSpec) -> dict[str, np.ndarray]:
-    """The inertia matrices that the file states, by body; compiling turns them to principal axes, to some digits."""
+    """Body -> inertia matrix stated by the file; compiling converts them to principal axes with rounding."""
     found = {}
     for body in spec.bodies:
         if body.name and np.isfinite(body.fullinertia).all() and np.any(body.fullinertia):

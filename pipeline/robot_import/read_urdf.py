@@ -46,7 +46,7 @@ def read_urdf(path: Path, root: Xml.Element) -> MakerModel:
 
 
 def _without_world(root: Xml.Element) -> None:
-    """Remove a massless root link that a floating or fixed joint ties the robot to."""
+    """Remove a massless root link to which the robot is attached by a floating or fixed joint."""
     name = _root_link(root)
     link = next((each for each in root.findall("link") if each.get("name") == name), None)
     joints = [each for each in root.findall("joint") if _ref(each, "parent") == name]
@@ -80,7 +80,7 @@ def _ref(joint: Xml.Element, which: str) -> str:
 
 
 def _depth_first(model: pinocchio.Model, names: list[str]) -> list[int]:
-    """Joints down one limb after the other; siblings in the order of the file."""
+    """Joints in depth-first order; siblings in the order of the file."""
     rank = {name: position for position, name in enumerate(names)}
     order, waiting = [], [ROOT_JOINT]
     while waiting:
@@ -130,7 +130,7 @@ def _shapes(
 
 
 def _shape(path: Path, element: Xml.Element, placement: pinocchio.SE3, link: str) -> MakerShape:
-    """Raises ValueError for a geometry that cannot be used."""
+    """Convert a geometry. Raises ValueError for one that cannot be used."""
     own = placement * _origin(element)
     geometry = element.find("geometry")
     form = next(iter(geometry), None) if geometry is not None else None
@@ -165,7 +165,7 @@ def _shape(path: Path, element: Xml.Element, placement: pinocchio.SE3, link: str
 
 
 def _mesh_file(path: Path, stated: str) -> Path:
-    """The file of a mesh: beside the URDF, or below a folder above it where the name begins with package://."""
+    """Path of a mesh file: relative to the URDF, or below one of its parent folders for package:// names."""
     name = stated.removeprefix("file://")
     tails = [name]
     if name.startswith("package://"):
@@ -189,7 +189,7 @@ def _origin(element: Xml.Element) -> pinocchio.SE3:
 def _sites(
     root: Xml.Element, model: pinocchio.Model, names: dict[int, str], links: list[MakerLink]
 ) -> tuple[MakerSite, ...]:
-    """Fixed links without mass and shape are points."""
+    """Sites from fixed links without mass and shape."""
     moving = {link.name for link in links}
     sites = []
     for link in root.findall("link"):

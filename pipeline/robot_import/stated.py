@@ -1,4 +1,4 @@
-"""What a person states of a robot's joints: a CSV with the column `joint` and any other columns of joints.csv."""
+"""Values stated by the user for a robot's joints: a CSV with the column `joint` and any columns of joints.csv."""
 
 import io
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ HINTS: dict[str, type] = {**dict.fromkeys(COLUMNS, float), "controlled": bool}
 
 @dataclass(frozen=True, kw_only=True)
 class Stated:
-    """Values by column and joint. They take the place of what the model file says and of proposals."""
+    """Values by column and joint, which override the model file and proposals."""
 
     path: Path | None = None
     numbers: dict[str, dict[str, float]] = field(default_factory=dict)

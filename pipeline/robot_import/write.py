@@ -1,4 +1,4 @@
-"""Write a proposed robot folder, with a README that says where each column comes from and what is open."""
+"""Write a proposed robot folder, with a README on the origin of each column and on open points."""
 
 import dataclasses
 import tempfile
@@ -19,7 +19,7 @@ README = "README.md"
 def write_folder(folder: Path, proposal: Proposal, readme: str) -> Robot:
     """Write a new robot folder and load it. The whole folder appears at once.
 
-    Raises FileError where the folder is there already, RobotError where it does not load.
+    Raises FileError if the folder exists, RobotError if it does not load.
     """
     if folder.exists():
         raise FileError(folder, "it exists already.", "Remove it, or choose another name or --out.")

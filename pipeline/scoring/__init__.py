@@ -1,8 +1,8 @@
 """Score a robot's motion against the human's, independent of how it was made.
 
-    RobotClip + HumanClip -> aligned in time -> samples a figure -> figures, pooled over clips
+    RobotClip + HumanClip -> aligned in time -> samples per figure -> figures, pooled over clips
 
-Nothing here is shared with the planner of KP3; stance labels come from the human's toes.
+Independent of KP3's planner; stance labels come from the human's toes.
 """
 
 from pipeline.scoring.align import aligned

@@ -68,7 +68,7 @@ def _median(label: Bool[np.ndarray, " t"], half: int) -> Bool[np.ndarray, " t"]:
 
 
 TOLERANCE_S = 0.05
-"""Largest difference of their lengths, on top of a frame of each [s], for rounding at two rates."""
+"""Largest difference of their durations in addition to one frame of each [s], for rounding at two rates."""
 
 MAX_TURNED_DEG = 60.0
 """Mean heading difference above which both are in different worlds [deg]; the worst measured retargeting is 20 degrees
@@ -85,7 +85,7 @@ def aligned(human: HumanClip, clip: RobotClip, robot: Robot) -> tuple[HumanClip,
     """Both at the robot clip's rate and equally long.
 
     Raises ClipError for clips of different lengths, and for a robot that faces another way than the human: then it was
-    made from the motion as recorded, not as repair hands it on (moved to the origin, turned to face +x).
+    made from the recorded motion, not from the repaired one (moved to the origin, facing +x).
     """
     if not same_length(human, clip):
         problem = f"it is {clip.duration_s:.2f} s long, the human '{human.name}' {human.duration_s:.2f} s."

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 
 class Pooling(Enum):
-    """How the samples of several clips become one figure; in all of them clips weigh by their samples."""
+    """How samples of several clips are pooled to one figure; clips are weighted by their number of samples."""
 
     MEAN = "mean"
     LARGEST = "largest"
@@ -66,7 +66,7 @@ FIGURES = (
     Figure(key="pelvis_tilt_error_deg", title="pelvis roll and pitch error", unit="deg"),
     Figure(key="height_shift_mm", title="height shift", unit="mm", pooling=Pooling.LARGEST, bar=5),
 )
-"""In the order of the report, with the bars that the project sets itself. docs/retarget.md defines them."""
+"""Figures in the order of the report, with this project's bars. docs/retarget.md defines them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +83,9 @@ class Score:
 
 
 def worst_of_bars(figures: Mapping[str, float], fps: float) -> tuple[str, float]:
-    """Key of the figure that is furthest over its bar, or closest to it, and how many times its bar it is.
+    """Key of the figure with the largest ratio to its bar, and that ratio.
 
-    Figures without a bar at this rate, with a bar of 0 or without a value are left out; ("", 0) where none is left.
+    Figures without a bar at this rate, with a bar of 0 or without a value are left out; ("", 0) if none remains.
     """
     shares = {
         figure.key: figures[figure.key] / figure.bar

@@ -1,4 +1,4 @@
-"""How closely the robot's pelvis follows the path of the human's, scaled to the robot."""
+"""Error of the robot's pelvis path relative to the human's, scaled to the robot."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,10 +11,10 @@ SCALE_TOLERANCE = 0.1
 """Retargeters scale a path by the ratio of leg lengths within this share; the scale itself is not an error."""
 
 CUTOFF_HZ = 10.0
-"""Zero-phase low pass before accelerations are compared [Hz], that of KP5's criteria of the root."""
+"""Zero-phase low pass before accelerations are compared [Hz], as in KP5's criteria on the root."""
 
 LEAST_PEAK = 5.0
-"""[m/s^2] A smaller peak acceleration of the scaled human counts as this much: at rest the ratio is one of noise."""
+"""Lower bound of the scaled human's peak acceleration in the ratio [m/s^2], since at rest it is noise."""
 
 
 def pelvis_path(

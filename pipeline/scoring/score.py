@@ -26,7 +26,7 @@ Samples = dict[str, Float[np.ndarray, " n"]]
 def score(human: HumanClip, clip: RobotClip, robot: Robot) -> Score:
     """The samples of every figure of `FIGURES`, at the robot clip's rate.
 
-    Both start at the same time and stand in the same world (`aligned`). Raises ClipError where they can't be compared.
+    Both must start at the same time in the same world frame (`aligned`). Raises ClipError if they can't be compared.
     """
     human, clip = aligned(human, clip, robot)
     samples = samples_without_collisions(human, clip, robot)
@@ -81,12 +81,12 @@ def _feet(human: HumanClip, fps: float, kinematics: Kinematics, poses: LinkPoses
     }
 
 
-def height_shift(lowest: Float[np.ndarray, "t 2"], stands: Bool[np.ndarray, "t 2"]) -> float:
-    """Height [m] of the ground that the motion stands on: the median of its standing soles' lowest corners.
+def height_shift(lowest: Float[np.ndarray, "t 2"], stance: Bool[np.ndarray, "t 2"]) -> float:
+    """Ground height [m] of the motion: median height of the lowest corner of soles in stance.
 
-    0 where no foot stands.
+    0 without any stance.
     """
-    return float(np.median(lowest[stands])) if stands.any() else 0.0
+    return float(np.median(lowest[stance])) if stance.any() else 0.0
 
 
 def _smoothness(clip: RobotClip, robot: Robot) -> Samples:

@@ -1,10 +1,10 @@
 """KP1: windows of one skill by measured motion, and the selection among them.
 
     clip -> planar motion -> distance of each frame from each skill -> cheapest segmentation -> windows
-    all windows -> what data/curation.yaml asks for -> taken or not, and why
+    all windows -> criteria of data/curation.yaml -> selected or not, and why
 
-`process` is the stage for one clip, `choose` looks at the windows of all clips together, `raised_bounds` tells what
-more seconds of a skill bring.
+`process` is the stage for one clip, `choose` selects among the windows of all clips, `raised_bounds` reports the effect
+of a higher limit on a skill's seconds.
 """
 
 from pipeline.clips.outcome import LABELS, SKILLS, TRANSITION

@@ -17,11 +17,11 @@ used where present."""
 
 
 def choose(rows: pd.DataFrame, curation: Curation) -> pd.DataFrame:
-    """The rows, one a window, with `taken` (bool) and `why` (a sentence).
+    """Add `taken` (bool) and `why` (a sentence) to the rows, one per window.
 
-    What the curation excludes goes first. Of what is left each skill's seconds are filled in turns: source by
-    source, in a source file by file, in a file the longest window first and of equals the purest; a window that does
-    not fit any more is left out and shorter ones may follow. The order of the rows does not matter.
+    Excluded windows are removed first. Then each skill's seconds are filled in round-robin order over sources, within a
+    source over files, and within a file by length, then purity. A window that does not fit the remaining seconds is
+    skipped; shorter ones may follow. The order of the rows does not matter.
     """
     result = rows.copy()
     if rows.empty:
@@ -72,23 +72,23 @@ def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
 
 
 def idle_patterns(rows: pd.DataFrame, curation: Curation) -> tuple[str, ...]:
-    """Patterns of `excluded_clips` that fit no window of `rows` and no clip that it is of."""
+    """Patterns of `excluded_clips` that match neither a window of `rows` nor its clip."""
     clips = [] if rows.empty else list(rows["clip"])
     return tuple(each for each in curation.excluded_clips if not any(_fits(clip, each) for clip in clips))
 
 
 def _fits(window: str, pattern: str) -> bool:
-    """A pattern fits a window's name, or that of the clip that it is of."""
+    """Whether a pattern matches a window's name or the name of its clip."""
     return fnmatchcase(window, pattern) or fnmatchcase(_recording(window), pattern)
 
 
 def _recording(window: str) -> str:
-    """Name of the clip that a window is of."""
+    """Name of a window's clip."""
     return window.rpartition("@")[0] or window
 
 
 def _in_turns(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows in round-robin order over sources, within a source over files, within a file the best first."""
+    """Rows in round-robin order over sources, within a source over files, within a file by rank."""
     return _alternate(_alternate(sorted(rows, key=_rank), "source", "file"), "source")
 
 
@@ -130,7 +130,7 @@ class RaisedBound:
     more_windows: int
     """Number of windows selected now and not before."""
     fewer_windows: int
-    """Number of windows selected before and not now: shorter ones that gave way."""
+    """Number of windows selected before and not now: shorter ones that were replaced."""
 
     @property
     def reached(self) -> bool:

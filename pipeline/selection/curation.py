@@ -1,11 +1,11 @@
 """Settings of data/curation.yaml: segmentation into windows, the selection among them, and a person's decisions.
 
-Decisions are written by `booster-lab curate` or by hand. An excluded recording or window is left out by KP1, an
-excluded variant or rollout by KP5. An accepted clip is one that a person reviewed: accepting replaces an exclusion, but
-lets nothing in that a criterion rejects.
+Decisions are written by `booster-lab curate` or by hand. KP1 leaves out an excluded recording or window, KP5 an
+excluded variant or rollout. An accepted clip is one that a person reviewed: accepting replaces an exclusion, but does
+not override a criterion.
 
-Decisions are written at the end of the file: the text above them, with its remarks, stays as it is. `decisions:` is the
-last key and its block is replaced as a whole; all other settings are read before and after and must be the same.
+Decisions are written at the end of the file; the text above them, including comments, is unchanged. `decisions:` is the
+last key and its block is replaced as a whole; all other settings are compared before and after writing.
 """
 
 import dataclasses
@@ -26,14 +26,14 @@ from pipeline.selection.skills import SkillBounds
 
 ACCEPT, EXCLUDE = "accept", "exclude"
 MOST_LETTERS = 500
-"""Of a name or a reason."""
+"""Most characters of a name or a reason."""
 NO_LETTER = ("Cc", "Cs", "Zl", "Zp")
-"""Unicode categories that no line of text has: control characters, surrogates, ends of lines and paragraphs."""
+"""Unicode categories not allowed in a line of text: control characters, surrogates, line and paragraph separators."""
 
 
 @dataclass(frozen=True)
 class Line(Allowed):
-    """One line of text that is not empty, in any language: no-break spaces and joiners are part of words and emoji."""
+    """A non-empty line of text in any language; no-break spaces and joiners are allowed, as in words and emoji."""
 
     def problem(self, value: Any) -> str | None:
         text = str(value)
@@ -55,7 +55,7 @@ class Decision:
     why: Annotated[str, Line()]
     """Reason, one sentence."""
     day: Annotated[str, Line()]
-    """When it was made, as `2026-11-26`."""
+    """Date of the decision, as `2026-11-26`."""
 
     def text(self) -> str:
         """The decision as a sentence."""
@@ -68,7 +68,7 @@ def exclusions(decisions: Iterable[Decision]) -> dict[str, Decision]:
 
 
 def without_excluded(manifest: Manifest, decisions: Sequence[Decision]) -> Manifest:
-    """The manifest without clips excluded by a person, by own or first name; each keeps the decision as its reason."""
+    """Remove clips excluded by a person, by their own or original name; the decision becomes the reason."""
     excluded = exclusions(decisions)
     input_of = {piece: clip for clip, pieces in manifest.findings("clip", "pieces") for piece in pieces}
     dropped: dict[str, dict[str, Any]] = {}
@@ -92,7 +92,7 @@ class WindowSettings:
     facing_s: Annotated[float, Range(0.01, 5.0)]
     """Width of the moving mean on the facing [s]."""
     label_hz: Annotated[float, Range(5.0, 1000.0)]
-    """Rate at which frames are labelled, so that a clip's own rate does not matter [Hz]."""
+    """Rate at which frames are labelled, independent of the clip's own rate [Hz]."""
     shortest_s: Annotated[float, Range(0.0, 60.0, open_low=True)]
     """Shortest window of a skill [s]."""
     shortest_transition_s: Annotated[float, Range(0.0, 60.0, open_low=True)]
@@ -118,19 +118,19 @@ class Curation:
     shortest_s: Annotated[float, NOT_NEGATIVE]
     """Shortest window that is selected [s]."""
     least_recorded_share: Annotated[float, SHARE]
-    """Least share of recorded frames in a window; with fewer its label is a guess."""
+    """Least share of recorded frames in a window; with fewer its label is unreliable."""
     licences: Annotated[tuple[str, ...], Pattern()]
     """Patterns (`*`, `?`, case does not matter) of licences that may be used."""
     excluded_clips: Annotated[tuple[str, ...], Pattern()]
-    """Patterns of names of clips or windows that are left out."""
+    """Patterns of names of clips or windows to exclude."""
     excluded_notes: Annotated[tuple[str, ...], Pattern()]
     """Codes of notes (catalogue, readers) that exclude a file."""
     expert_motions: Annotated[str, OneOf(EXPERT_MOTIONS)]
-    """What the expert database is made of: `rollouts`, `references` or `both`."""
+    """Motions in the expert database: `rollouts`, `references` or `both`."""
     windows: WindowSettings
     """Segmentation of a clip into windows."""
     decisions: tuple[Decision, ...] = ()
-    """A person's decisions on single clips, the latest of a clip last."""
+    """A person's decisions on single clips, in order; the last one of a clip is valid."""
 
 
 KEY = "decisions"
@@ -143,9 +143,9 @@ def read_decisions(path: Path) -> tuple[Decision, ...]:
 
 
 def decide(path: Path, new: Sequence[Decision]) -> tuple[Decision, ...]:
-    """Add decisions, each in place of an earlier one on the same clip; those that are in force now.
+    """Add decisions, each replacing an earlier one on the same clip; return all current decisions.
 
-    Raises SettingsError for a file that can't be read, FileError when it can't be written; it is unchanged then.
+    Raises SettingsError for a file that can't be read, FileError if it can't be written; it is then unchanged.
     """
     with atomic.only_writer(path):
         names = {each.clip for each in new}
@@ -154,7 +154,7 @@ def decide(path: Path, new: Sequence[Decision]) -> tuple[Decision, ...]:
 
 
 def take_back(path: Path, clips: Sequence[str]) -> tuple[Decision, ...]:
-    """Remove the decisions on some clips; those that are left. Raises FileError for a clip without a decision."""
+    """Remove the decisions on some clips; return the others. Raises FileError for a clip without a decision."""
     with atomic.only_writer(path):
         there = read_decisions(path)
         strange = sorted(set(clips) - {each.clip for each in there})
@@ -166,7 +166,7 @@ def take_back(path: Path, clips: Sequence[str]) -> tuple[Decision, ...]:
 def _write(path: Path, decisions: tuple[Decision, ...]) -> tuple[Decision, ...]:
     """Replace the block of decisions.
 
-    Raises SettingsError if the new text says anything else apart from them, or is too long to be read again.
+    Raises SettingsError if the new text differs in other settings or is too long to be read again.
     """
     text = path.read_text(encoding="utf-8")
     kept = _without_block(text)
@@ -186,7 +186,7 @@ def _write(path: Path, decisions: tuple[Decision, ...]) -> tuple[Decision, ...]:
 
 
 def _without_block(text: str) -> str:
-    """The text without the top-level key `decisions`, its value and the remark above it."""
+    """The text without the top-level key `decisions`, its value and the comment above it."""
     kept, inside = [], False
     for line in text.splitlines(keepends=True):
         if line.startswith(f"{KEY}:"):

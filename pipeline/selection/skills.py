@@ -1,12 +1,12 @@
 """The ten skills as regions of planar motion, and the distance of a frame from each.
 
 A skill is a region in the space of forward velocity, velocity to the left and yaw rate, each smoothed over a
-fraction of a step. The distance of a frame from a region is 0 inside and grows with the speed that would have
-to change to get in, so that a frame just over a bound costs little and a foreign one costs much.
+fraction of a step. The distance of a frame from a region is 0 inside and grows with the change of
+velocity needed to enter it, so that a frame just outside costs little and a frame of another skill costs much.
 
 Every frame has a cost for every label and every cut has a price. The optimum over all segmentations is found by
-dynamic programming (Viterbi with a least duration a label), so no gap has to be merged afterwards and a stretch
-ends where that is cheapest, not where a threshold was crossed first.
+dynamic programming (Viterbi with a least duration per label), so no gaps have to be merged afterwards, and a stretch
+ends where that is cheapest, not where a threshold is first crossed.
 """
 
 import itertools
@@ -74,17 +74,18 @@ class SkillBounds:
     """Limits of each skill's region. Speeds are the person's (or robot's) own, not scaled."""
 
     stand_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
-    """Speed below which a body stands or turns [m/s]."""
+    """Speed below which a body stands or turns on the spot [m/s]."""
     stand_yaw_rate_deg_s: Annotated[float, Range(0.0, 360.0, open_low=True)]
     """Largest yaw rate while standing."""
     turn_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
-    """A turn on the spot travels slower than this [m/s]."""
+    """Largest speed of a turn on the spot [m/s]."""
     turn_yaw_rate_deg_s: Annotated[float, Range(0.0, 360.0, open_low=True)]
-    """... and turns faster than this."""
+    """Least yaw rate of a turn on the spot."""
     side_ratio: Annotated[float, Range(1.0, 10.0)]
     """Least ratio of sideways or backward speed to the perpendicular one."""
     ahead_ratio: Annotated[float, Range(1.0, 10.0)]
-    """Least ratio of forward to lateral speed; a diagonal walk is no skill. Runs need `side_ratio` only."""
+    """Least ratio of forward to lateral speed of a walk, since a diagonal walk is no skill. Runs need `side_ratio`
+    only."""
     walk_slow_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """Forward speed at which slow walking becomes walking [m/s]."""
     walk_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
@@ -106,8 +107,7 @@ def distances(
 ) -> Float[np.ndarray, "t 10"]:
     """Distance [m/s] of every frame from the region of every skill, in the order of `SKILLS`.
 
-    Where the regions of turning or standing overlap another one they win: a frame in them has to leave them
-    before it is a walk.
+    Turning and standing have priority where they overlap another region: a frame has to leave them to be a walk.
     """
     speed, turning = np.hypot(forward, lateral), np.abs(yaw_rate)
     radius = bounds.turn_radius
@@ -132,5 +132,5 @@ def distances(
 
 
 def _over(value: np.ndarray | float, limit: np.ndarray | float) -> np.ndarray:
-    """How far `value` is above `limit`, 0 below."""
+    """Excess of `value` over `limit`, 0 below it."""
     return np.maximum(np.subtract(value, limit), 0.0)

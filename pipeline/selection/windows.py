@@ -1,4 +1,4 @@
-"""KP1 of one clip: segment it into windows of one skill where the motion changes; the windows are its pieces."""
+"""KP1 for one clip: segment it into windows of one skill; the windows are its pieces."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ NEVER = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """Frames [start, stop) of a clip that show one skill, with means over the frames whose motion is known."""
+    """Frames [start, stop) of a clip with one skill, and means over the frames with known motion."""
 
     skill: str
     start: int
@@ -39,8 +39,8 @@ class Window:
 def find_windows(clip: HumanClip | RobotClip, *, settings: WindowSettings) -> tuple[Window, ...]:
     """The clip's windows in order and without gaps, none of a skill shorter than allowed.
 
-    Only a clip that is shorter as a whole, or what is left beside a long gap of the recording, becomes a shorter
-    transition. Missing frames and teleports don't stop it: short ones are bridged, long ones are transitions.
+    Only a clip that is shorter as a whole, or the remainder beside a long gap of the recording, becomes a shorter
+    transition. Short gaps and teleports are interpolated, long ones are transitions.
     """
     motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)
     cost = _costs(motion, clip.fps, settings)
@@ -99,10 +99,10 @@ def _measured(motion: PlanarMotion, label: str, start: int, stop: int, settings:
 
 
 def process(clip: HumanClip | RobotClip, numbers: Numbers, *, settings: Curation) -> Outcome:
-    """One piece a window, named `<clip>@<first>-<last>` by its frames.
+    """One piece per window, named `<clip>@<first>-<last>` by its frames.
 
-    A piece holds the whole clip, so that KP2 sees what is before and after the window; `start_frame` and
-    `stop_frame` (exclusive) say which frames are the window's.
+    A piece contains the whole clip, as context for KP2; `start_frame` and `stop_frame` (exclusive) are the window's
+    frames.
     """
     windows = find_windows(clip, settings=settings.windows)
     pieces = tuple(_piece(clip, window) for window in windows)

@@ -1,1 +1,1 @@
-"""MuJoCo rollouts, the torque a motor can give, and what a motion asks of the motors and the ground."""
+"""Simulation: MuJoCo rollouts, motor torque limits, self-collisions, sensors, terrain."""

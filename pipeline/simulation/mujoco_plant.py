@@ -1,10 +1,10 @@
 """The robot in MuJoCo as a plant with given friction, armature, masses, terrain and a ball; depth of self-collisions.
 
-For engines without armature (`put_armature_on_links`): an armature acts on the joint's speed alone. On the child link
-the same inertia about the joint axis acts on the link's whole turning in space, which also counts how the parent turns:
-an approximation, good where parents turn slowly. The same approximation in MuJoCo is the bridge of a comparison: what
-differs between MuJoCo and the bridge is this approximation, what differs between the bridge and another engine is
-contact and solver.
+For engines without armature (`put_armature_on_links`): an armature acts only on the joint's speed. The same inertia
+about the joint axis on the child link acts on the link's absolute angular velocity, including its parent's: an
+approximation that is good if parents rotate slowly. MuJoCo with this approximation is called the bridge: differences
+between MuJoCo and the bridge come from the approximation, those between the bridge and another engine from contact and
+solver.
 """
 
 import copy
@@ -30,9 +30,9 @@ INTEGRATORS = {
     "rk4": mujoco.mjtIntegrator.mjINT_RK4,
 }
 PARKED_W = np.array([0.0, 0.0, 50.0])
-"""Where the ball waits [m]."""
+"""Position of the unused ball [m]."""
 BALL_DISTANCE = 0.6
-"""From its centre to the root link's centre of mass when it is let go [m]: outside the arms."""
+"""Initial distance of its centre to the root link's centre of mass [m], outside the arms' reach."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,18 +47,18 @@ class Ball:
 
 @dataclass(frozen=True, kw_only=True)
 class MujocoOptions:
-    """How the robot is simulated; what isn't given is the robot's own."""
+    """Options of the simulation; by default the robot's own values."""
 
     timestep_s: float = 0.002
     integrator: str = "euler"
     friction: float = 1.0
     """Sliding friction between all shapes."""
     armature: Float[np.ndarray, " j"] | None = None
-    """[kg m^2]"""
+    """Armature of the joints [kg m^2]; None: the robot's."""
     root_mass_factor: float = 1.0
-    """Of mass and inertia of the root link."""
+    """Factor on mass and inertia of the root link."""
     ground: Ground | None = None
-    """Flat where not given."""
+    """Terrain; None: flat."""
     ball: Ball | None = None
 
 
@@ -116,13 +116,13 @@ class MujocoPlant(Plant):
         return np.concatenate([force, moment + rotation.cross(arm, force)], axis=1)
 
     def saved(self) -> mujoco.MjData:
-        """A copy of all that the next step depends on."""
+        """A copy of the complete simulation state."""
         return copy.copy(self.data)
 
     def restore(self, saved: mujoco.MjData) -> None:
-        """Back to what was saved; steps from there have the same bits."""
+        """Restore a saved state; subsequent steps are bit-identical."""
         mujoco.mj_copyData(self.data, self.model, saved)
-        self._pushed = True  # what pushed it then is in the copy
+        self._pushed = True  # the saved state includes applied forces
 
     def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
         self.data.qvel[:3] += delta_v_w
@@ -152,7 +152,7 @@ def simulated_model(robot: Robot, options: MujocoOptions, ground: Ground) -> muj
         raise UnknownNameError("integrator", options.integrator, tuple(INTEGRATORS))
     spec = mujoco.MjSpec.from_string(robot.mjcf)
     spec.option.timestep, spec.option.integrator = options.timestep_s, INTEGRATORS[options.integrator]
-    # a simulation that diverges would stand in the default pose again, and count as one that never fell
+    # MuJoCo would reset a diverged simulation to the default pose, so that it would never count as a fall
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     ground.add_to(spec)
     if options.ball is not None:
@@ -172,10 +172,10 @@ def simulated_model(robot: Robot, options: MujocoOptions, ground: Ground) -> muj
 
 @dataclass(frozen=True, kw_only=True)
 class SelfCollision:
-    """The deepest overlap of each frame."""
+    """Deepest self-collision of each frame."""
 
     depth: Float[np.ndarray, " t"]
-    """[m], 0 where nothing overlaps."""
+    """Depth of the overlap [m]; 0 without one."""
     pairs: tuple[tuple[str, str] | None, ...]
     """Names of the two shapes that overlap most; None where none do."""
 
@@ -200,7 +200,7 @@ def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
 
 
 class _CollisionModels(threading.local):
-    """Each thread's latest models, not to be changed, and data: making either takes longer than a short clip."""
+    """Per-thread cache of read-only models and their data; creating them takes longer than a short clip."""
 
     def __init__(self) -> None:
         self.model = functools.lru_cache(maxsize=4)(_with_data)
@@ -219,10 +219,10 @@ _COLLISION = _CollisionModels()
 
 
 def added_moments(robot: Robot) -> dict[str, Float[np.ndarray, "3 3"]]:
-    """Of each link that hangs on a joint: armature times axis axis^T [kg m^2], in the axes of the link frame.
+    """Added inertia of each link with a joint: armature times axis axis^T [kg m^2], in the link frame.
 
-    It is no moment of a body (it turns about one axis only), and the sum of a small link and its rotor need not be one
-    either: engines take it, MuJoCo's compiler does not.
+    It is not a valid rigid-body inertia (only about one axis), and its sum with a small link's inertia may not be
+    either: engines accept it, MuJoCo's compiler does not.
     """
     tree = robot.tree
     return {

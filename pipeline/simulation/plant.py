@@ -1,4 +1,4 @@
-"""What a rollout needs of a physics engine: set and read a state, step with joint torques, push, foot forces."""
+"""Interface of a physics engine for rollouts: set and read the state, step with joint torques, push, foot forces."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Kick:
 
 @dataclass(frozen=True, kw_only=True)
 class Throw:
-    """A ball against the root link, for plants that have one."""
+    """A ball thrown at the root link, for plants with a ball."""
 
     start_s: float
     direction_w: Float[np.ndarray, " 3"]
@@ -50,7 +50,7 @@ Event = Push | Kick | Throw
 
 
 class NoBallError(PipelineError):
-    """A throw in a plant without a ball."""
+    """Raised for a throw in a plant without a ball."""
 
     def __init__(self, plant: object):
         super().__init__(f"{type(plant).__name__} has no ball to throw; push with a force or a kick there.")
@@ -72,7 +72,7 @@ class PlantState:
 
 
 def standing_state(robot: Robot, ground: Ground = FLAT) -> PlantState:
-    """At rest in the default pose, the soles on the ground's plane about the origin."""
+    """State at rest in the default pose, with the soles on the ground's plane at the origin."""
     tilt = np.array([*tilt_at_start(ground), 0.0])
     height = robot.default_root_height / float(np.cos(np.linalg.norm(tilt)))  # above the origin of a tilted plane
     return PlantState(
@@ -86,7 +86,7 @@ def standing_state(robot: Robot, ground: Ground = FLAT) -> PlantState:
 
 
 class Plant(ABC):
-    """A robot on a ground in some engine. Nothing in it is random: equal calls give equal bits."""
+    """A robot on a ground in a physics engine. Deterministic: equal calls give bit-identical results."""
 
     timestep_s: float
 
@@ -109,16 +109,16 @@ class Plant(ABC):
 
     @abstractmethod
     def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
-        """Change the velocity of the whole robot at once [m/s]; its joints' velocities stay."""
+        """Change the velocity of the whole robot instantaneously [m/s]; joint velocities are unchanged."""
 
     def acceleration(self) -> Float[np.ndarray, " v"] | None:
-        """Of root (world), root angular (root frame) and joints at the start of the last step; None if not known."""
+        """Acceleration of root (world), root angular (root frame) and joints at the start of the last step, or None."""
         return None
 
     def throw(self, direction_w: Float[np.ndarray, " 3"], speed: float) -> None:
-        """Send a ball against the root link along a horizontal unit direction at a speed [m/s]. Raises NoBallError."""
+        """Throw a ball at the root link along a horizontal unit direction at a speed [m/s]. Raises NoBallError."""
         raise NoBallError(self)
 
     def remove_ball(self) -> None:
-        """Take the ball away. Raises NoBallError."""
+        """Remove the ball. Raises NoBallError."""
         raise NoBallError(self)

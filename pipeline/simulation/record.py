@@ -1,4 +1,4 @@
-"""A rollout as it is written down, and as it is read."""
+"""A rollout, and its recorder."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ CLIP_FPS = 50.0
 
 @dataclass(frozen=True, kw_only=True)
 class Rollout:
-    """N physics steps of a robot under K control steps. Step n's torque and forces are those that act at its state."""
+    """n physics steps and k control steps of a robot. Torques and forces of a step act at its state."""
 
     robot: Robot
     timestep_s: float
@@ -24,19 +24,19 @@ class Rollout:
     qvel: Float[np.ndarray, "n v"]
     """Root velocity (world), root angular velocity (root frame), joints."""
     torque: Float[np.ndarray, "n j"]
-    """What the motors gave [N m]."""
+    """Applied motor torques [N m]."""
     foot_wrench_w: Float[np.ndarray, "n 2 6"]
     """Force [N] and moment about the foot link's origin [N m] of the ground on the left and right foot, world frame."""
     command: Float[np.ndarray, "k 3"]
-    """What was wanted at each control step."""
+    """Velocity command at each control step: forward, lateral [m/s], yaw rate [rad/s]."""
     target: Float[np.ndarray, "k j"]
     """Joint targets of each control step, in the robot's order [rad]."""
     fell_s: float | None
     """Time of the first fall [s]."""
     start_s: float = 0.0
-    """Time of the first step; not 0 where only the end of a run was recorded."""
+    """Time of the first step [s]; not 0 if only the end of a run was recorded."""
     qacc: Float[np.ndarray, "n v"] | None = None
-    """Accelerations as `qvel`, where the engine tells them."""
+    """Accelerations in the layout of `qvel`; None if the engine does not provide them."""
 
     @property
     def fell(self) -> bool:
@@ -44,15 +44,15 @@ class Rollout:
 
     @property
     def control_steps(self) -> int:
-        """Physics steps in a control step."""
+        """Number of physics steps per control step."""
         return len(self.qpos) // max(len(self.command), 1)
 
     def contacts(self) -> Bool[np.ndarray, "n 2"]:
-        """Feet pressed to the ground by more than 1 N."""
+        """Feet with a ground force above 1 N."""
         return self.foot_wrench_w[:, :, 2] > 1.0
 
     def clip(self, name: str, fps: float = CLIP_FPS, start_s: float = 0.0) -> RobotClip:
-        """Every k-th step from `start_s` on as a clip; contacts are the true ones."""
+        """The rollout from `start_s` as a clip at `fps`, with the simulated contacts."""
         step = round(1.0 / (fps * self.timestep_s))
         taken = slice(round(start_s / self.timestep_s), None, step)
         root_pos_w, joint_pos = self.qpos[taken, :3].copy(), self.qpos[taken, 7:].copy()
@@ -61,7 +61,7 @@ class Rollout:
 
 
 class Record:
-    """The arrays of a rollout while it runs."""
+    """Recorder of a rollout's arrays."""
 
     def __init__(self, first: int, last: int, decimation: int, joints: int):
         """From control step `first` to before `last`."""
@@ -99,7 +99,7 @@ class Record:
         self.steps = step + 1
 
     def rollout(self, robot: Robot, timestep_s: float) -> Rollout:
-        """What was recorded so far."""
+        """The rollout recorded so far."""
         n, k = self.steps, self.ticks
         steps = {name: getattr(self, name)[:n] for name in ("qpos", "qvel", "torque", "foot_wrench_w")}
         fell_s = None if self.fall_tick is None else (self.fall_tick + 1) * self.decimation * timestep_s

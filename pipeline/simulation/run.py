@@ -1,4 +1,4 @@
-"""A controller and a plant together: the loop that every engine's rollouts go through."""
+"""Control loop of a controller and a plant, used for the rollouts in all engines."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -19,10 +19,10 @@ from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import PdControl
 
 FALL_HEIGHT_SHARE = 0.45 / 0.679103
-"""Height of the root over the ground below which a robot has fallen, as a share of that in the default pose: the T1's
-limit is 0.45 m."""
+"""Root height over the ground below which a robot has fallen, relative to that of the default pose (0.45 m on the
+T1)."""
 FALL_TILT_COS = 0.5
-"""Cosine of the root's angle from upright (60 degrees) beyond which it has."""
+"""Cosine of the root's tilt (60 degrees) beyond which a robot has fallen."""
 
 Command = Callable[[float], Float[np.ndarray, " 3"]]
 """Commanded forward and lateral velocity [m/s] and yaw rate [rad/s] at a time [s]."""
@@ -59,7 +59,7 @@ def _slewed(start: np.ndarray, segment: Segment, time_s: float) -> np.ndarray:
 
 
 GroundHeight = Callable[[float, float], float]
-"""Height [m] of the ground at a place [m]."""
+"""Height of the ground [m] at x, y [m]."""
 
 
 @runtime_checkable
@@ -74,7 +74,7 @@ class Controller(Protocol):
 
 
 class RateError(PipelineError):
-    """A timestep of which no whole number fits a control step."""
+    """Raised if a control step is not a multiple of the timestep."""
 
     def __init__(self, timestep_s: float, control_hz: float):
         super().__init__(
@@ -113,7 +113,7 @@ def run(
         sensors: the controller's measurements of the state; default: exact
         start: initial state; default: the plant's own
         delay_s: delay of the targets at the motors
-        wrench_every: foot forces are read once in so many timesteps, and kept in between
+        wrench_every: foot forces are read every this many timesteps, and held in between
         ground_height: height of the ground, from which falls are measured; default: 0
         stop_on_fall: end with the control step in which the robot fell; a simulation that diverged ends anyway
         resume_s: continue from this time with plant and controller as they are, instead of restarting; without delay
@@ -133,10 +133,10 @@ def run(
     wrench = np.zeros((2, 6))
     for tick in range(first, ticks):
         state = plant.state()
-        wanted = command(tick * decimation * plant.timestep_s)
+        commanded = command(tick * decimation * plant.timestep_s)
         reading = sensors.read(state)
-        target = controller.targets(reading, wanted)
-        record.control(tick, wanted, target)
+        target = controller.targets(reading, commanded)
+        record.control(tick, commanded, target)
         for step in range(tick * decimation, (tick + 1) * decimation):
             pending.append(target)
             applied = pending.popleft()
@@ -155,7 +155,7 @@ def run(
 
 
 def steps_of(control_hz: float, timestep_s: float) -> int:
-    """Timesteps in a control step. Raises RateError."""
+    """Number of timesteps per control step. Raises RateError."""
     ratio = 1.0 / (control_hz * timestep_s)
     if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
         raise RateError(timestep_s, control_hz)
@@ -168,7 +168,7 @@ def fall_height(robot: Robot) -> float:
 
 
 def has_fallen(state: PlantState, lowest: float, ground_height: GroundHeight | None) -> bool:
-    """Root less than `lowest` [m] over the ground, tilted beyond 60 degrees, or nowhere any more."""
+    """Whether the root is below `lowest` [m], tilted beyond 60 degrees, or not finite."""
     x, y, z = state.root_pos_w.tolist()
     if not np.isfinite(state.root_pos_w).all():
         return True

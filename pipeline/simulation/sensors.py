@@ -1,4 +1,4 @@
-"""Readings of the robot's sensors in a state."""
+"""Simulated readings of the robot's sensors."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -14,13 +14,13 @@ DOWN_W = np.array([0.0, 0.0, -1.0])
 
 @runtime_checkable
 class Sensors(Protocol):
-    """Asked once a control step, in the order of time."""
+    """Interface of sensors, read once per control step in temporal order."""
 
     def read(self, state: PlantState) -> Reading: ...
 
 
 class PerfectSensors:
-    """They say what is."""
+    """Exact readings."""
 
     def read(self, state: PlantState) -> Reading:
         return Reading(
@@ -33,18 +33,18 @@ class PerfectSensors:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNoise:
-    """Half widths of uniform noise, drawn for each number and control step. Angles in rad, speeds in rad/s."""
+    """Half widths of uniform noise, sampled for each value and control step. Angles in rad, speeds in rad/s."""
 
     gyro: float
     gravity: float
-    """Of each component of the unit vector."""
+    """Noise of each component of the gravity unit vector."""
     joint_pos: float
     joint_vel: float
     """[rad/s]"""
 
 
 class NoisySensors:
-    """Uniform noise on all that others say, the truth where none are given."""
+    """Uniform noise added to the readings of other sensors; default: exact ones."""
 
     def __init__(self, noise: SensorNoise, rng: np.random.Generator, of: Sensors | None = None):
         self.noise, self.rng, self.of = noise, rng, of or PerfectSensors()

@@ -1,7 +1,7 @@
-"""Grounds to walk on: flat, sloping, rough, of small steps and stones. The robot starts at the origin and walks to +x.
+"""Terrains: flat, sloping, rough, small steps, stones. The robot starts at the origin and walks in +x direction.
 
-Every ground is a plane through the origin within `START_M` of it, level but for a slope across. What is random in one
-is drawn when it is made.
+Within `START_M` of the origin, every terrain is a plane through it, horizontal except for a cross slope. Random terrain
+is sampled on creation.
 """
 
 import math
@@ -16,11 +16,11 @@ from jaxtyping import Float
 START_M = 0.5
 """Half length of the flat piece where the robot starts [m]."""
 FAR_M = 30.0
-"""What counts as without end [m]."""
+"""Extent of unbounded terrain [m]."""
 DEPTH_M = 1.0
-"""Thickness of boxes that are ground [m]."""
+"""Thickness of terrain boxes [m]."""
 BESIDE_M = 0.005
-"""How far the plane at the sides of hills lies below their lowest point, so that no sole touches both [m]."""
+"""Depth of the plane beside hills below their lowest point, so that no sole touches both [m]."""
 
 
 @runtime_checkable
@@ -28,16 +28,16 @@ class Ground(Protocol):
     """A terrain."""
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Its shapes in the world."""
+        """Add its shapes to the world."""
         ...
 
     def height(self, x: float, y: float) -> float:
-        """Of its surface at a place [m]."""
+        """Height of its surface at x, y [m]."""
         ...
 
 
 def tilt_at_start(ground: Ground) -> tuple[float, float]:
-    """Roll and pitch [rad] of a robot that stands on the ground's plane about the origin."""
+    """Roll and pitch [rad] of a robot on the ground's plane at the origin."""
     half = START_M / 2.0
     rise_x, rise_y = (ground.height(x, y) - ground.height(-x, -y) for x, y in ((half, 0.0), (0.0, half)))
     return math.atan(rise_y / START_M), -math.atan(rise_x / START_M)
@@ -45,7 +45,7 @@ def tilt_at_start(ground: Ground) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class FlatGround:
-    """The plane at a height."""
+    """A horizontal plane."""
 
     z: float = 0.0
 
@@ -58,7 +58,7 @@ class FlatGround:
 
 @dataclass(frozen=True, kw_only=True)
 class Slope:
-    """A ramp from the end of the start on, up (positive) or down."""
+    """A ramp after the flat start, up (positive) or down."""
 
     angle_deg: float
 
@@ -76,7 +76,7 @@ class Slope:
 
 @dataclass(frozen=True, kw_only=True)
 class CrossSlope:
-    """A plane that rises to the left, under the start too."""
+    """A plane that rises to the left, including the start."""
 
     angle_deg: float
 
@@ -90,14 +90,14 @@ class CrossSlope:
 
 @dataclass(frozen=True, kw_only=True)
 class Bump:
-    """A speed bump across the way: a ridge with sloping sides."""
+    """A speed bump perpendicular to the walk: a ridge with sloping sides."""
 
     at_m: float
-    """Where it begins."""
+    """Start of the bump along x."""
     rise_m: float
-    """Its height."""
+    """Height of the bump."""
     width_m: float
-    """Of the whole."""
+    """Total width along x."""
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         _plane(spec, 0.0)
@@ -118,16 +118,16 @@ class Bump:
 
 @dataclass(frozen=True, kw_only=True)
 class Tiles:
-    """Square tiles, each with a height of its own, on a plane: gravel as small steps, or stepping stones with gaps."""
+    """Square tiles with individual heights on a plane: gravel as small steps, or stepping stones with gaps."""
 
     pitch_m: float
-    """From one tile to the next."""
+    """Distance between the centres of adjacent tiles."""
     gap_m: float
-    """Between two tiles."""
+    """Gap between two tiles."""
     floor_m: float
     """Height of the plane below."""
     top_m: Float[np.ndarray, "r c"]
-    """Height of each tile: rows along x from the end of the start on, columns along y about 0."""
+    """Height of each tile: rows along x after the flat start, columns along y centred at 0."""
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         _plane(spec, self.floor_m)
@@ -158,9 +158,9 @@ class RoughGround:
     """A height field between flat ends, walked along x, with a plane at its sides."""
 
     spacing_m: float
-    """Between two points of the grid."""
+    """Distance between two grid points."""
     z_m: Float[np.ndarray, "c r"]
-    """Height of each point: rows along y about 0, columns along x from the end of the start on."""
+    """Height of each point: rows along y centred at 0, columns along x after the flat start."""
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         rows, columns = self.z_m.shape
@@ -191,7 +191,7 @@ class RoughGround:
 
 
 LENGTH_M, WIDTH_M = 9.0, 3.0
-"""Of a ground of tiles, stones or hills."""
+"""Length and width of terrain with tiles, stones or hills [m]."""
 
 
 def gravel(rng: np.random.Generator, *, step_m: float) -> Tiles:
@@ -234,7 +234,7 @@ def _box(spec: mujoco.MjSpec, name: str, half: Vector, pos: Vector, quat: Sequen
 
 
 def _strip(spec: mujoco.MjSpec, name: str, along_x: tuple[float, float]) -> None:
-    """A box across the way whose top is at height 0, between two places along x [m]."""
+    """A box over the whole width with its top at height 0, between two x positions [m]."""
     low, high = along_x
     half = [(high - low) / 2.0, FAR_M / 2.0, DEPTH_M / 2.0]
     _box(spec, name, half, [(low + high) / 2.0, 0.0, -DEPTH_M / 2.0])

@@ -1,4 +1,4 @@
-"""What torque a joint's motor can give at a speed."""
+"""Torque limits of the motors as a function of speed."""
 
 from dataclasses import dataclass
 
@@ -8,10 +8,10 @@ from jaxtyping import Float
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueEnvelope:
-    """Limits of J joints. Constant to the knee speed, then falling in a line through 0 at the no-load speed.
+    """Torque limits of j joints: constant up to the knee speed, then linear to 0 at the no-load speed.
 
-    Only a torque that drives the motion on falls with speed; one that brakes it keeps the full limit. A joint that is
-    driven beyond the no-load speed from outside is braked by its motor, by the limit at most: the line continues to it.
+    Only driving torque decreases with speed; braking torque keeps the full limit. A joint that is driven beyond the
+    no-load speed externally is braked by its motor: the line continues below 0, to the braking limit.
     This is the DC-motor form of mjlab and Isaac Lab (pipeline/actuators/adapted_robot.py).
     """
 
@@ -20,7 +20,7 @@ class TorqueEnvelope:
     knee_speed: Float[np.ndarray, " j"] | None = None
     """Speed from which the torque falls [rad/s]; None for a constant limit."""
     no_load_speed: Float[np.ndarray, " j"] | None = None
-    """Speed at which it is 0 [rad/s]."""
+    """Speed at which the driving torque is 0 [rad/s]."""
 
     def bounds(self, speed: Float[np.ndarray, "*t j"]) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest torque [N m] at each joint's speed [rad/s]."""
@@ -33,14 +33,14 @@ class TorqueEnvelope:
         return -backward, forward
 
     def clip(self, torque: Float[np.ndarray, "*t j"], speed: Float[np.ndarray, "*t j"]) -> Float[np.ndarray, "*t j"]:
-        """The torque [N m] that the motors give when `torque` is commanded."""
+        """Limit commanded torques [N m] to those that the motors can produce."""
         lower, upper = self.bounds(speed)
         return np.minimum(np.maximum(torque, lower), upper)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PdControl:
-    """kp (target - position) - kd velocity, cut to the envelope; kp in N m/rad, kd in N m s/rad."""
+    """PD control kp (target - position) - kd velocity, limited to the envelope; kp in N m/rad, kd in N m s/rad."""
 
     kp: Float[np.ndarray, " j"]
     kd: Float[np.ndarray, " j"]

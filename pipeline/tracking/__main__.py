@@ -1,6 +1,6 @@
 """Train a tracker: `python -m pipeline.tracking --bundle DIR --out DIR`.
 
-Written below `--out`: `config.json` (settings, digests, versions), `curves.csv` (one row an iteration),
+Written below `--out`: `config.json` (settings, digests, versions), `curves.csv` (one row per iteration),
 `checkpoints/model_000100.pt` (every 100 iterations and the last, read with `weights_only=True`), `tracker.npz` (the
 newest network, as rollouts read it) and, at the end, `done.json`.
 

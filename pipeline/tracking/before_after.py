@@ -1,7 +1,7 @@
-"""What simulation changed: figures of a reference and of the rollout that tracks it, tracking errors, contacts.
+"""Compare a reference with its tracked rollout: quality figures of both, tracking errors, contacts.
 
-A reference has no torques, so saturation is the rollout's alone. Speed and drift are here because the tracking errors
-are measured at the robot's own place and heading, where a rollout that moves at another speed has none.
+A reference has no torques, so saturation is reported for the rollout only. Speed and drift are included because the
+tracking errors are relative to the robot's position and heading, so they do not show a wrong speed.
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from pipeline.quality.sole import lowest_corner_slip, sole_motion
 from pipeline.robot import Kinematics, Robot
 
 ROUNDING = 1e-6
-"""Relative; a motor whose torque is this near to its limit was at it throughout the control step."""
+"""Relative tolerance for a torque at its limit throughout the control step."""
 
 CHORD_S = 0.5
-"""Speed is that along chords of the root's path of this length, about a step, so that sway does not count [s]."""
+"""Duration of the chords along which the root's speed is measured, about a step, so that sway does not count [s]."""
 
 MATCHED_S = 0.2
-"""A touchdown of a rollout belongs to one of its reference that is at most this far away [s]."""
+"""Largest time between matched touchdowns of rollout and reference [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> Track
     """Error of a rollout at each frame against the same frame of its reference.
 
     The distance is mjlab's root-relative mean per-keybody position error (`compute_root_relative_mpkpe`): the reference
-    is moved horizontally to the robot's root and turned to its heading; its height stays.
+    is moved horizontally to the robot's root and rotated to its heading; its height is kept.
     """
     links, kinematics = [robot.link(name) for name in robot.key_links], Kinematics(robot)
     here, there = (
@@ -69,7 +69,7 @@ def before_after(reference: RobotClip, rollout: RobotClip, robot: Robot) -> dict
     `slip_*_m_s`: 95th percentile of the horizontal speed of the lowest sole corner of feet in contact
     `penetration_*_m`: largest depth of a sole corner below the ground
     `jerk_*_rad_s3`: mean over frames and controlled joints of the absolute third difference
-    `saturated_after`: share of frames at the torque limit throughout, of the joint that has most
+    `saturated_after`: share of frames at the torque limit throughout, of the joint with the largest share
     `contact_changed`: share of foot-frames whose contact differs from the reference's label
     `touchdown_shift_s`: mean of how much later (or earlier, below 0) the rollout's feet touch down
     """
@@ -113,8 +113,7 @@ def by_skill(references: pd.DataFrame) -> pd.DataFrame:
 
 
 def touchdown_shifts(reference: Bool[np.ndarray, "t 2"], rollout: Bool[np.ndarray, "t 2"], fps: float) -> list[float]:
-    """How much later the rollout touches down than its reference [s], for each touchdown of the reference that one of
-    the rollout's is near to."""
+    """Delay of the rollout's touchdown [s] for each touchdown of the reference with a matching one."""
     shifts: list[float] = []
     for side in range(2):
         wanted, found = (_touchdowns(contacts[:, side]) for contacts in (reference, rollout))

@@ -1,4 +1,4 @@
-"""A tracking bundle as a GPU host reads it: the robot's facts and the reference motions, as plain files.
+"""Read a tracking bundle: plain files with the robot's data and the reference motions, for a GPU host.
 
 <folder>/robot.xml, robot.json   the robot, as in a training bundle
 <folder>/motions.npz             reference motions at 50 Hz, one after the other
@@ -22,33 +22,33 @@ CONFIG = "config.json"
 
 @dataclass(frozen=True, kw_only=True)
 class Motions:
-    """C clips of T frames in all, one after the other, at 50 Hz."""
+    """c concatenated clips with t frames in total, at 50 Hz."""
 
     names: tuple[str, ...]
     clip_start: np.ndarray
-    """(c + 1,) index of each clip's first frame, and the end."""
+    """Index of each clip's first frame, and the total frame count (c + 1,)."""
     root_pos_w: np.ndarray
-    """(t, 3) [m]"""
+    """Root position (t, 3) [m]."""
     root_quat_w: np.ndarray
-    """(t, 4) wxyz."""
+    """Root orientation, wxyz (t, 4)."""
     joint_pos: np.ndarray
-    """(t, j) in the robot's order [rad]."""
+    """Joint angles in the robot's order (t, j) [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingBundle:
-    """What a tracker is trained on."""
+    """Robot and reference motions for the training of a tracker."""
 
     robot: RobotFacts
     motions: Motions
     about: dict[str, Any]
-    """`bundle.json`."""
+    """Content of `bundle.json`."""
     digest: str
-    """Of `bundle.json`, which states the digests of the other files."""
+    """Digest of `bundle.json`, which contains the digests of the other files."""
 
 
 def read_tracking_bundle(folder: Path) -> TrackingBundle:
-    """The bundle in a folder. Raises TrainingError where a file is missing, changed or of another schema."""
+    """Read the bundle in a folder. Raises TrainingError if a file is missing, changed or of another schema."""
     about, digest = read_head(folder, SCHEMA)
     robot = read_robot_facts(folder)
     if not robot.key_links or robot.key_links[0] != robot.root_link:
@@ -57,7 +57,7 @@ def read_tracking_bundle(folder: Path) -> TrackingBundle:
 
 
 def check_trained_on(bundle: TrackingBundle, run: Path) -> None:
-    """Raises TrainingError where the run in a folder trains on another bundle, or does not state its bundle."""
+    """Check the bundle of a run. Raises TrainingError if the run trained on another bundle or does not state it."""
     path = run / CONFIG
     try:
         trained_on = json.loads(path.read_text())["bundle_digest"]

@@ -1,4 +1,5 @@
-"""mjlab's `MotionCommand` for many clips: no episode crosses a seam; hard seconds are sampled more often."""
+"""mjlab's `MotionCommand` for many clips: episodes do not cross clip boundaries; bins with failures are sampled
+more."""
 
 import itertools
 from dataclasses import dataclass
@@ -15,24 +16,24 @@ BIN_FRAMES = 50
 """Frames of a sampling bin: one second, as in mjlab."""
 
 SHORTEST_EPISODE = 2
-"""An episode begins at least this many frames before its clip ends."""
+"""Least number of frames from the start of an episode to the end of its clip."""
 
 
 @dataclass(kw_only=True)
 class ClipsCommandCfg(MotionCommandCfg):
-    """`MotionCommandCfg` whose motion file holds several clips."""
+    """`MotionCommandCfg` for a motion file with several clips."""
 
     clip_start: tuple[int, ...]
-    """Index of each clip's first frame, and the end (c + 1,)."""
+    """Index of each clip's first frame, and the total frame count (c + 1,)."""
     uniform_share: float = 0.5
-    """Share of episodes that begin at a frame drawn uniformly; the rest begin where episodes failed."""
+    """Share of episodes that start at a uniformly sampled frame; the others start where episodes failed."""
 
     def build(self, env: ManagerBasedRlEnv) -> "ClipsCommand":
         return ClipsCommand(self, env)
 
 
 class ClipsCommand(MotionCommand):
-    """The reference motion of each environment: a clip and the frame to reach at the end of the control step."""
+    """Reference motion of each environment: its clip, and the frame to reach at the end of the control step."""
 
     cfg: ClipsCommandCfg
 
@@ -72,7 +73,7 @@ class ClipsCommand(MotionCommand):
 
 
 def _bins(clip_start: tuple[int, ...]) -> tuple[list[int], list[int]]:
-    """First frame and number of starting frames of each bin; the last frames of a clip start no episode."""
+    """First frame and number of possible start frames of each bin; the last frames of a clip are no start frames."""
     first, size = [], []
     for start, stop in itertools.pairwise(clip_start):
         frames = max(stop - start - SHORTEST_EPISODE, 1)
@@ -97,7 +98,7 @@ class ReferenceResidualCfg(ActionTermCfg):
     """Joints that the action moves; the others follow the reference."""
     command_name: str = "motion"
     largest_lag: int = 2
-    """Targets arrive 0 to so many physics steps late, drawn for each episode."""
+    """Largest delay of targets [physics steps], sampled from 0 per episode."""
 
     def build(self, env: ManagerBasedRlEnv) -> "ReferenceResidual":
         return ReferenceResidual(self, env)
@@ -137,7 +138,7 @@ class ReferenceResidual(ActionTerm):
         self._substep = 0
 
     def apply_actions(self) -> None:
-        """At each physics step: the new target, or the previous one while the new one is late."""
+        """Apply, at each physics step, the new target, or the previous one during the delay."""
         target = torch.where(self._lag > self._substep % DECIMATION, self._before, self._target)
         self._entity.set_joint_position_target(target)
         self._substep += 1

@@ -1,4 +1,4 @@
-"""What disturbs a rollout, drawn from a seed: pushes, friction, mass, gains, delay, start offset, action noise."""
+"""Random disturbances of a rollout: pushes, friction, mass, gains, delay, start offset, action noise."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +12,7 @@ from pipeline.tracking.settings import DisturbanceSettings
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """One rollout's disturbance; the default is none."""
+    """Disturbance of one rollout; the default is none."""
 
     pushes: tuple[Push, ...] = ()
     friction: float = 1.0
@@ -21,9 +21,9 @@ class Disturbance:
     kp: float = 1.0
     """Factor on the stiffness of all joints."""
     kd: float = 1.0
-    """Factor on their damping."""
+    """Factor on the damping of all joints."""
     delay_steps: int = 0
-    """Physics steps by which targets arrive late."""
+    """Delay of targets [physics steps]."""
     start_offset: float = 0.0
     """Largest offset of each joint at the start [rad]."""
     action_noise: float = 0.0
@@ -49,7 +49,7 @@ NONE = Disturbance()
 
 
 def draw(settings: DisturbanceSettings, duration_s: float, rng: np.random.Generator) -> Disturbance:
-    """A disturbance for a rollout of some length [s]."""
+    """Sample a disturbance for a rollout of `duration_s` [s]."""
     shortest, longest = (round(delay_s / PHYSICS_S) for delay_s in settings.delay_s)
     return Disturbance(
         pushes=_pushes(settings, duration_s, rng),

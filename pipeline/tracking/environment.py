@@ -1,4 +1,4 @@
-"""The environment that a tracker is trained in: mjlab's tracking task on the robot of a bundle, with many clips."""
+"""Training environment of the tracker: mjlab's tracking task with a bundle's robot and clips."""
 
 from pathlib import Path
 
@@ -27,19 +27,19 @@ MOTION = "motion"
 """Name of the command term, as in mjlab's task."""
 
 PATH_WEIGHT = 1.0
-"""Weight of the reward for the root's position. mjlab's 0.5, without an end of the episode at `PATH_M`, gave a tracker
-that kept the posture of fast, sideways and backward clips and moved at half of their speed."""
+"""Weight of the reward for the root's position. With mjlab's 0.5 and without the termination at `PATH_M`, the tracker
+reproduced the posture of fast, sideways and backward clips at half of their speed."""
 
 
 class TrackingEnvironment(ManagerBasedRlEnv):
-    """mjlab's environment; on a CPU its physics is plain MuJoCo in threads."""
+    """mjlab's environment; on a CPU its physics is multithreaded MuJoCo."""
 
     def __init__(self, cfg: ManagerBasedRlEnvCfg, device: str):
         self._plain = device == "cpu"
         super().__init__(cfg, device)
 
     def load_managers(self) -> None:
-        """mjlab's managers, on plain MuJoCo where the device is a CPU."""
+        """Load mjlab's managers; on a CPU, replace the physics by MuJoCo."""
         if self._plain:
             self.sim = PlainSimulation(self.sim)
         super().load_managers()
@@ -48,7 +48,7 @@ class TrackingEnvironment(ManagerBasedRlEnv):
 def tracking_environment(
     bundle: TrackingBundle, motion_file: Path, num_envs: int, device: str, seed: int
 ) -> TrackingEnvironment:
-    """The environment of a bundle; writes mjlab's motion file of all clips to `motion_file`."""
+    """Create the environment of a bundle; write all clips in mjlab's motion format to `motion_file`."""
     model = mujoco.MjModel.from_xml_string(bundle.robot.mjcf)
     write_motion_file(motion_file, model, bundle.motions)
     cfg = environment_cfg(bundle.robot, bundle.motions, motion_file, num_envs, seed)
@@ -56,7 +56,7 @@ def tracking_environment(
 
 
 def write_motion_file(path: Path, model: mujoco.MjModel, motions: Motions) -> None:
-    """All clips in mjlab's motion format; velocities are each clip's own, none crosses a seam."""
+    """Write all clips in mjlab's motion format; velocities do not cross clip boundaries."""
     states: list[ReferenceStates] = []
     for start, stop in zip(motions.clip_start[:-1], motions.clip_start[1:], strict=True):
         part = slice(int(start), int(stop))
@@ -74,7 +74,7 @@ def write_motion_file(path: Path, model: mujoco.MjModel, motions: Motions) -> No
 def environment_cfg(
     robot: RobotFacts, motions: Motions, motion_file: Path, num_envs: int, seed: int
 ) -> ManagerBasedRlEnvCfg:
-    """mjlab's tracking configuration, changed where the robot, many clips or disturbed rollouts need it."""
+    """mjlab's tracking configuration, adapted to the robot, to many clips and to disturbed rollouts."""
     cfg = make_tracking_env_cfg()
     cfg.seed = seed
     cfg.scene.num_envs = num_envs
@@ -130,7 +130,7 @@ def observation_cfg() -> dict[str, ObservationGroupCfg]:
 
 
 def _self_collision(robot: RobotFacts) -> ContactSensorCfg:
-    """Contacts of the robot with itself, as mjlab's self-collision cost reads them."""
+    """Self-contact sensor for mjlab's self-collision cost."""
     whole = ContactMatch(mode="subtree", pattern=robot.root_link, entity="robot")
     return ContactSensorCfg(
         name="self_collision",
@@ -144,7 +144,7 @@ def _self_collision(robot: RobotFacts) -> ContactSensorCfg:
 
 
 def _events(robot: RobotFacts) -> dict[str, EventTermCfg]:
-    """mjlab's pushes, friction and trunk offset; gains and trunk mass as well, since rollouts vary them."""
+    """mjlab's pushes, friction and trunk offset, and the gains and trunk mass that rollouts vary."""
     trunk = SceneEntityCfg("robot", body_names=(f"^{robot.root_link}$",))
     soles = SceneEntityCfg("robot", geom_names=tuple(f"^{name}$" for name in robot.shapes["feet"]))
     return {

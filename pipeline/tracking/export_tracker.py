@@ -36,9 +36,9 @@ SETTINGS = Path(__file__).resolve().parents[2] / "data" / "tracking.yaml"
 def export_tracker(
     run: Path, bundle_folder: Path, robot_folder: Path, out: Path, made: dict[str, str], pool: ClipPool
 ) -> TrackerCard:
-    """Take the run's newest checkpoint, roll out every clip of the bundle with it and write the folder.
+    """Roll out every clip of the bundle with the run's newest checkpoint and write the folder.
 
-    Raises FileError and TrainingError for files that do not fit, as a run on another bundle.
+    Raises FileError and TrainingError for files that do not match, such as a run on another bundle.
     """
     robot, bundle = load_robot(robot_folder), read_tracking_bundle(bundle_folder)
     envelope = torque_envelope(read_actuators(robot_folder))

@@ -1,8 +1,8 @@
-"""Is a reference at fault that the tracker does not follow, or the tracker? Its neighbours decide.
+"""Decide whether a tracking failure is due to the reference or to the tracker, from the reference's neighbours.
 
-The neighbours of a reference are the other references of its skill that show a motion as it was retargeted, originals
-and mirror images. Variants (time scales, perturbations) are nobody's neighbours: the verdict on a reference does not
-depend on which variants are asked for, and further ones that failures on hardware ask for change no earlier verdict.
+The neighbours of a reference are the other unmodified references (originals and mirror images) of its skill. Variants
+(time scales, perturbations) are not neighbours, so that the verdict on a reference does not depend on the requested
+variants, and variants added because of failures on hardware change no earlier verdict.
 """
 
 import dataclasses
@@ -14,21 +14,21 @@ from pipeline.batch import Entry, Judged, Manifest, changed
 from pipeline.tracking.process import AS_RETARGETED, NOT_TRACKED
 
 FOLLOWED_SHARE = 0.8
-"""A reference is at fault where the tracker follows at least this share of its neighbours to the end."""
+"""Share of neighbours followed to the end from which a failure is attributed to the reference."""
 
 AT_FAULT = "at_fault"
-"""Number of a rejected reference."""
+"""Key of the number that marks a rejected reference."""
 
 
 def compared_with_neighbours(rollouts: Manifest, references: Manifest) -> Manifest:
-    """The rollouts without those of references at fault.
+    """Remove the rollouts of references that are at fault.
 
-    A reference whose nominal rollout fails is rejected where the tracker follows its neighbours; otherwise the tracker
-    may be too weak for the skill, and the stretches that it did follow are kept. The reason `not_tracked` states which.
+    A reference whose nominal rollout fails is rejected if the tracker follows its neighbours; otherwise the tracker may
+    be too weak for the skill, and the stretches that it followed are kept. The reason `not_tracked` states which.
 
     Args:
         rollouts: manifest of `pipeline.tracking.process`
-        references: what was tracked, with `skill` and `variant`
+        references: manifest of the tracked motions, with `skill` and `variant`
     """
     facts = {entry.clip: entry.numbers for entry in references.entries}
     seen, followed = Counter[str](), Counter[str]()
@@ -43,7 +43,7 @@ def compared_with_neighbours(rollouts: Manifest, references: Manifest) -> Manife
         if not any(reason["code"] == NOT_TRACKED for reason in row.reasons):
             return row
         skill = str(facts[row.clip].get("skill", ""))
-        # it failed itself, so it is not among the followed
+        # the reference itself failed, so it is not among the followed
         others = seen[skill] - _as_retargeted(facts[row.clip])
         fault = others > 0 and followed[skill] >= FOLLOWED_SHARE * others
         row = _with_reason(row, _why(skill, followed[skill], others, fault))

@@ -1,4 +1,4 @@
-"""How well a tracker follows a reference: its nominal rollout. Needs no more packages than a GPU host has."""
+"""Tracking quality by nominal rollouts, i.e. without disturbance. Uses only packages of a GPU host."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ from pipeline.tracking.task import CONTROL_HZ
 
 @dataclass(frozen=True, kw_only=True)
 class NominalRollout:
-    """One clip's nominal rollout."""
+    """Result of one clip's nominal rollout."""
 
     clip: str
     survived: bool
-    """From the first frame to the last."""
+    """Whether the rollout follows the clip from the first to the last frame."""
     body_error_m: float
     joint_error_rad: float
     path_error_m: float
@@ -36,7 +36,7 @@ def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:
 
 
 def nominal_rollout(clip: RobotClip, *, setup: Setup) -> NominalRollout:
-    """The rollout of a reference without disturbance. Raises as `pipeline.tracking.process.process` does."""
+    """Roll out a reference without disturbance. Raises the errors of `pipeline.tracking.process.process`."""
     undisturbed = dataclasses.replace(setup, settings=setup.settings.nominal())
     numbers = process(clip, {"variant": ""}, setup=undisturbed).numbers
     errors = {name: float(numbers[name] or 0.0) for name in ("body_error_m", "joint_error_rad", "path_error_m")}
@@ -44,7 +44,7 @@ def nominal_rollout(clip: RobotClip, *, setup: Setup) -> NominalRollout:
 
 
 def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
-    """Share that survives, and errors: mean over clips, mean over all frames, and the worst clip's."""
+    """Survival rate, and errors: mean over clips, mean over all frames, and worst clip."""
     seconds = np.array([each.seconds for each in rollouts])
     body_cm = np.array([100.0 * each.body_error_m for each in rollouts])
     path_cm = np.array([100.0 * each.path_error_m for each in rollouts])

@@ -1,4 +1,4 @@
-"""KP4 on one reference: its nominal rollout and its disturbed ones, cut where tracking fails."""
+"""KP4 for one reference: its nominal and disturbed rollouts, cut where tracking fails."""
 
 import dataclasses
 import hashlib
@@ -23,15 +23,15 @@ from pipeline.tracking.task import CONTROL_HZ
 from pipeline.tracking.tracker import load_tracker
 
 NOT_TRACKED = "not_tracked"
-"""Reason against a reference that the nominal rollout does not follow to its end."""
+"""Reason code of a reference that the nominal rollout does not follow to its end."""
 
 AS_RETARGETED = ("original", "mirror")
-"""Variants that show the motion as it was retargeted."""
+"""Variants with the unmodified retargeted motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What rollouts need besides their reference."""
+    """Inputs of rollouts other than the reference."""
 
     settings: TrackingSettings
     robot: Robot
@@ -42,12 +42,12 @@ class Setup:
 def process(clip: RobotClip, numbers: Numbers, *, setup: Setup) -> Outcome:
     """The rollouts of a reference: `<name>~rollout`, and `<name>~rollout1`, … under disturbances.
 
-    A piece carries its reference and place in it, its disturbance and its tracking errors, and with its motion the
-    simulation's torques and contact forces. Where tracking fails a rollout is cut, and starts again a little later on
-    the reference. A failure of the nominal rollout is a reason against the reference.
+    The numbers of a piece have its reference and position in it, its disturbance and its tracking errors; its clip has
+    the simulated torques and contact forces. Where tracking fails a rollout is cut, and restarted a little later on the
+    reference. A failure of the nominal rollout is a reason against the reference.
 
-    Raises ClipError for a clip of another rate or of less than three frames, FileError for a tracker that does not
-    fit.
+    Raises ClipError for a clip of another rate or with fewer than three frames, FileError for a tracker of another
+    robot.
     """
     rollouts, settings = _Rollouts(clip, setup), setup.settings
     count = disturbed_count(clip, numbers, settings)
@@ -65,7 +65,7 @@ def process(clip: RobotClip, numbers: Numbers, *, setup: Setup) -> Outcome:
 
 
 def disturbed_count(clip: RobotClip, numbers: Numbers, settings: TrackingSettings) -> int:
-    """Disturbed rollouts of a reference: more of a short original or mirror image than of a long one."""
+    """Number of disturbed rollouts of a reference; higher for short originals and mirror images."""
     if numbers.get("variant") not in AS_RETARGETED:
         return settings.disturbed_variants
     if not settings.disturbed:
@@ -108,7 +108,7 @@ class _Rollout:
 
 
 class _Rollouts:
-    """A reference and all that its rollouts need."""
+    """Rollouts of one reference."""
 
     def __init__(self, clip: RobotClip, setup: Setup):
         if clip.fps != CONTROL_HZ or clip.frame_count < 3:
@@ -119,7 +119,7 @@ class _Rollouts:
         self._tracker = load_tracker(setup.tracker, setup.robot)
 
     def of(self, number: int) -> _Rollout:
-        """The rollout of a number, under the disturbance that belongs to it."""
+        """The rollout with a number and its disturbance."""
         clip, settings = self._clip, self._settings
         rng = np.random.default_rng(_seed(clip, settings.seed, number))
         disturbance = draw(settings.disturbance, clip.duration_s, rng) if number else NONE
@@ -127,7 +127,7 @@ class _Rollouts:
         return _Rollout(number=number, disturbance=disturbance, stretches=stretches)
 
     def pieces(self, made: _Rollout, reference: Numbers) -> list[Piece]:
-        """What is kept of a rollout, with the reference's numbers and its place in the clip that it is a piece of."""
+        """Pieces of a rollout with the reference's numbers and their position in the reference's clip."""
         clip, settings, stretches = self._clip, self._settings, made.stretches
         name = f"{clip.name}~rollout{made.number or ''}"
         complete = len(stretches) == 1 and not stretches[0].failed
@@ -161,7 +161,7 @@ class _Rollouts:
 
 
 def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
-    """Seed of a rollout from the reference's motion, so that its name and place among others do not matter."""
+    """Seed of a rollout from the reference's motion, so that it is independent of the reference's name and order."""
     content = hashlib.sha256()
     for values in (clip.root_pos_w, clip.root_quat_w, clip.joint_pos):
         content.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
@@ -169,7 +169,8 @@ def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
 
 
 def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> dict[str, Number]:
-    """How well the nominal rollout follows, failing stretches included; what the longest stretch changed."""
+    """Tracking quality of the nominal rollout, including failed stretches, and the comparison of its longest
+    stretch."""
     references = [clip.cut(stretch.start, stretch.stop, clip.name) for stretch in stretches]
     parts = [tracking_error(each.clip, own, robot) for each, own in zip(stretches, references, strict=True)]
     body, joint, path = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint", "path"))

@@ -1,4 +1,4 @@
-"""A reference motion as the tracking task reads it, at 50 Hz, and what the tracker observes of it and the robot."""
+"""States of a 50 Hz reference motion for the tracking task, and the tracker's observation."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,8 @@ from pipeline.tracking.task import CONTROL_HZ
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceStates:
-    """T frames of a robot with J joints and L links, in the model's order. Names are those of mjlab's motion files,
-    units m, rad and s."""
+    """t frames of a robot with j joints and l links, in the model's order. Names as in mjlab's motion files; units m,
+    rad and s."""
 
     joint_pos: Float[np.ndarray, "t j"]
     joint_vel: Float[np.ndarray, "t j"]
@@ -41,7 +41,7 @@ def reference_states(
     """
     data = mujoco.MjData(model)
     joints = joint_pos.shape[1]
-    # the robot's bodies: those below the free joint's body, itself included
+    # the robot's bodies: the free joint's body and those below it
     links = slice(1, 1 + int(np.count_nonzero(model.body_rootid == model.jnt_bodyid[0])))
     body_pos_w = np.empty((len(joint_pos), links.stop - 1, 3))
     body_quat_w = np.empty((len(joint_pos), links.stop - 1, 4))
@@ -78,8 +78,8 @@ def observe(
         qvel: root velocity (world) [m/s], root angular velocity (root frame) [rad/s], joint velocities [rad/s]
         link_pos_w: origins of the key links, the root first [m]
         link_mat_w: rotation matrices of the key links, row by row
-        reference: the motion that is tracked
-        frame: its frame to reach at the end of the control step
+        reference: the tracked motion
+        frame: frame of the reference to reach at the end of the control step
         default_joint_pos: the robot's default pose [rad]
         last_action: the network's last output
     """
@@ -106,7 +106,7 @@ def observe(
 
 
 def rotation_matrix(quat: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "3 3"]:
-    """Rotation matrix of one unit quaternion wxyz; `pipeline.rotation` is for many and slower for one."""
+    """Rotation matrix of one unit quaternion wxyz; faster than `pipeline.rotation`, which is for batches."""
     w, x, y, z = quat
     return np.array(
         [

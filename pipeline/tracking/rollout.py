@@ -1,4 +1,4 @@
-"""One reference rolled out by the tracker in plain MuJoCo, with all forces recorded."""
+"""Roll out one reference with the tracker in MuJoCo and record all forces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION
 from pipeline.tracking.tracker import Tracker
 
 CONTACT_SHARE = 0.1
-"""A foot is in contact where the ground pushes it up by more than this share of the weight on average over a control
-step: less is a foot that brushes the ground in its swing."""
+"""Mean vertical ground force over a control step, as a share of the weight, above which a foot is in contact; below it,
+a foot merely brushes the ground in its swing."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plant:
-    """The robot that references are rolled out on."""
+    """Simulated robot for rollouts."""
 
     robot: Robot
     envelope: TorqueEnvelope
@@ -39,9 +39,9 @@ class TrackedStretch:
     start: int
     stop: int
     clip: RobotClip
-    """What the robot did, frame for frame, with forces and contacts."""
+    """The robot's motion at the same frames, with forces and contacts."""
     failed: str
-    """Why it ended before the reference did; empty where it reached the end."""
+    """Why the rollout ended before the reference; empty if it reached the end."""
 
 
 def rollout(
@@ -52,15 +52,15 @@ def rollout(
     disturbance: Disturbance = NONE,
     rng: np.random.Generator | None = None,
 ) -> tuple[TrackedStretch, ...]:
-    """Track a 50 Hz reference to its end; after a failure, start again on it a little later.
+    """Track a 50 Hz reference to its end; after a failure, restart a little later on it.
 
     Args:
         reference: the motion to track
         plant: robot and motors
         tracker: the policy
-        failure: where tracking has failed
-        disturbance: what disturbs the rollout
-        rng: of start offset and action noise; needed where the disturbance has any
+        failure: limits at which tracking has failed
+        disturbance: disturbance of the rollout
+        rng: generator for start offset and action noise; required if the disturbance has any
     """
     world = _World(reference, plant, tracker, disturbance)
     stretches: list[TrackedStretch] = []
@@ -115,7 +115,7 @@ class _World:
         return TrackedStretch(start=start, stop=frame + 1, clip=self._recorded(record, start), failed=failed)
 
     def _place(self, frame: int, rng: np.random.Generator | None) -> None:
-        """The state of a reference frame, with the disturbance's offset."""
+        """Set the state of a reference frame, with the disturbance's offset."""
         data, reference, joints = self._data, self._reference, self._joints
         mujoco.mj_resetData(self._model, data)
         data.qpos[:3], data.qpos[3:7] = reference.body_pos_w[frame, 0], reference.body_quat_w[frame, 0]
@@ -169,7 +169,7 @@ class _World:
         return force
 
     def _failure(self, frame: int, settings: FailureSettings) -> str:
-        """Why tracking has failed at a frame, by the limits that end an episode of training; empty where it has not."""
+        """Why tracking has failed at a frame, by the terminations of training; empty if it has not."""
         data, reference = self._data, self._reference
         if not np.isfinite(data.qpos).all():
             return "the simulation diverged"
@@ -200,7 +200,7 @@ class _World:
 
 
 class _Record:
-    """States and forces of a rollout while it runs."""
+    """Recorder of a rollout's states and forces."""
 
     def __init__(self, steps: int, joints: int, bodies: int, feet: Sequence[int]):
         self._feet = list(feet)
@@ -223,7 +223,8 @@ class _Record:
         self._pos += data.xpos
 
     def end_of_step(self, push: np.ndarray) -> None:
-        """Means over the control step. The feet's arm is a mean too: it moves by millimetres within a step."""
+        """Store the means over the control step, also of the feet's lever arms, which change by millimetres within a
+        step."""
         step, contact = self._step, self._contact / DECIMATION
         force, arm = contact[self._feet, 3:], (self._com - self._pos[self._feet]) / DECIMATION
         self._torque[step] /= DECIMATION
@@ -235,7 +236,7 @@ class _Record:
         self._step += 1
 
     def as_forces(self) -> SimulatedForces:
-        """Forces of each frame; the last frame has no step of its own and repeats the one before."""
+        """Forces of each frame; the last frame, which has no step, repeats the previous one."""
         rows = [*range(self._step), self._step - 1]
         return SimulatedForces(
             joint_torque=self._torque[rows],

@@ -1,4 +1,4 @@
-"""One training run of a tracker: from its bundle to checkpoints, curves and the tracker file."""
+"""Training run of a tracker, from a bundle to checkpoints, curves and the tracker file."""
 
 import os
 import time
@@ -24,12 +24,12 @@ from pipeline.tracking.tracker_file import tracker_arrays
 SAVE_EVERY = 100
 """Iterations between checkpoints."""
 STEPS = 24
-"""Control steps of each environment an iteration."""
+"""Control steps of each environment per iteration."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingRequest:
-    """What a run is started with."""
+    """Options of a run."""
 
     out: Path
     num_envs: int
@@ -41,7 +41,7 @@ class TrackingRequest:
 
 
 class LoggedEnvironment(RslRlVecEnvWrapper):
-    """mjlab's wrapper for rsl_rl that also sums what the environment logs at the ends of episodes."""
+    """mjlab's wrapper for rsl_rl that also accumulates the environment's episode logs."""
 
     def __init__(self, env):
         super().__init__(env)
@@ -65,7 +65,7 @@ class LoggedEnvironment(RslRlVecEnvWrapper):
         return observations, reward, dones, extras
 
     def take(self) -> dict[str, float]:
-        """Means since the last call: reward a step, episode length [s], failures a minute, tracking errors."""
+        """Means since the last call: reward per step, episode length [s], failures per minute, tracking errors."""
         step_s = self.unwrapped.step_dt
         steps = max(self._steps, 1)
         ended, failed = float(self._ended) / steps, float(self._failed) / steps
@@ -109,7 +109,7 @@ class TrackingRun:
         return self.request.out / "checkpoints"
 
     def train(self) -> None:
-        """Train until `iterations` or `minutes` are reached; minutes before a resume count."""
+        """Train until `iterations` or `minutes` are reached; minutes before a resume are included."""
         before, started = self._curves.seconds, time.monotonic()
         if self.rank == 0:
             write_json(self.request.out / CONFIG, self._config())
@@ -133,9 +133,9 @@ class TrackingRun:
             write_json(self.request.out / "done.json", done)
 
     def save(self) -> None:
-        """Write checkpoint, tracker file and curves; the first process alone writes.
+        """Write checkpoint, tracker file and curves, in the first process only.
 
-        Raises TrainingError, without a checkpoint, where the network diverged.
+        Raises TrainingError, without a checkpoint, if the network diverged.
         """
         if self.rank:
             return
@@ -150,7 +150,7 @@ class TrackingRun:
         self._curves.write()
 
     def _out_of_time(self, seconds: float) -> bool:
-        """Whether the time is up, by the first process's clock in all processes."""
+        """Whether the time limit is reached; all processes use the first one's clock."""
         limit = self.request.minutes
         if limit is None:
             return False

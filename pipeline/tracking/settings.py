@@ -1,4 +1,4 @@
-"""How references are rolled out: the settings of `data/tracking.yaml`."""
+"""Settings of rollouts, read from `data/tracking.yaml`."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _SECONDS = Range(0.0, 10.0)
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbanceSettings:
-    """Ranges that the disturbances of a rollout are drawn from, uniformly."""
+    """Ranges from which the disturbances of a rollout are sampled uniformly."""
 
     push_impulse: Annotated[tuple[float, float], Range(0.0, 100.0), Unit("N s"), IMPULSE]
     """Impulse of a horizontal push on the root link [N s]."""
@@ -33,25 +33,25 @@ class DisturbanceSettings:
     start_offset: Annotated[float, Range(0.0, 0.5), Unit("rad")]
     """Largest offset of each joint at the start [rad]."""
     action_noise: Annotated[tuple[float, float], Range(0.0, 2.0), Unit("-")]
-    """Standard deviation of the noise on the network's output, drawn for each rollout."""
+    """Standard deviation of the noise on the network's output, sampled for each rollout."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FailureSettings:
-    """Where tracking has failed, as an episode of training ends."""
+    """Limits at which tracking has failed, equal to the terminations of training."""
 
     root_height: Annotated[float, Range(0.0, 2.0, open_low=True), Unit("m"), LENGTH]
     """Largest error of the root's height [m]."""
     gravity: Annotated[float, Range(0.0, 2.0, open_low=True), Unit("-")]
-    """Largest error of the vertical in the root frame, along its z axis."""
+    """Largest error of the z component of the gravity direction in the root frame."""
     end_height: Annotated[float, Range(0.0, 2.0, open_low=True), Unit("m"), LENGTH]
     """Largest error in height of a foot or hand link [m]."""
     path: Annotated[float, Range(0.0, 10.0, open_low=True), Unit("m"), LENGTH]
     """Largest distance of the root from the reference's root [m]."""
     before_s: Annotated[float, _SECONDS, Unit("s")]
-    """Cut before a failure [s]."""
+    """Time that is cut before a failure [s]."""
     restart_s: Annotated[float, _SECONDS, Unit("s")]
-    """The rollout starts again on the reference this long after a failure [s]."""
+    """Time on the reference after a failure at which the rollout restarts [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,20 +59,20 @@ class TrackingSettings:
     """`data/tracking.yaml`."""
 
     seed: Annotated[int, Range(0, 2**31)]
-    """Of all disturbances, with the reference's content."""
+    """Seed of all disturbances, combined with the reference's content."""
     disturbed: Annotated[int, Range(0, 1000)]
-    """Disturbed rollouts of each original motion and of each mirror image, at least."""
+    """Least number of disturbed rollouts of each original motion and of each mirror image."""
     disturbed_s: Annotated[float, Range(0.0, 600.0)]
-    """Disturbed rollouts of each of them last at least this long together, so a short motion has more [s]."""
+    """Least total duration of these rollouts per motion, so that short motions have more of them [s]."""
     disturbed_variants: Annotated[int, Range(0, 1000)]
-    """Disturbed rollouts of each other variant."""
+    """Number of disturbed rollouts of each other variant."""
     shortest_s: Annotated[float, Range(0.1, 10.0)]
     """Shorter pieces are dropped [s]."""
     calibrated_on: RobotSize
-    """The robot that heights and impulses hold for; `pipeline.robot.size.scaled` gives those of another one."""
+    """Robot that heights and impulses are valid for; `pipeline.robot.size.scaled` converts them for another one."""
     failure: FailureSettings
     disturbance: DisturbanceSettings
 
     def nominal(self) -> "TrackingSettings":
-        """The same with no disturbed rollout."""
+        """These settings without disturbed rollouts."""
         return dataclasses.replace(self, disturbed=0, disturbed_variants=0)

@@ -1,19 +1,20 @@
-"""What training on a GPU and rollouts on a CPU have in common: rates, action, order of the observation."""
+"""Definitions shared by training on a GPU and rollouts on a CPU: rates, action, order of the observation."""
 
 CONTROL_HZ = 50.0
 """Rate of the tracker, and of the clips it tracks [Hz]."""
 
 DECIMATION = 4
-"""Physics steps a control step."""
+"""Physics steps per control step."""
 
 ACTION_SCALE = 0.25
 """Joint target = reference joint position + ACTION_SCALE * action [rad]."""
 
 ITERATIONS = 500
-"""Of training, of 24 control steps each: enough for the clips that ship; docs/tracking.md says what more clips need."""
+"""Training iterations of 24 control steps each, enough for the shipped clips; docs/tracking.md states what more
+need."""
 
 PATH_M = 0.5
-"""An episode ends where the root is farther from the reference's root [m]."""
+"""Distance of the root from the reference's root at which an episode ends [m]."""
 
 OBSERVATION = (
     "command",  # reference joint positions and velocities (2j)
@@ -27,8 +28,8 @@ OBSERVATION = (
     "joint_vel",  # (j)
     "actions",  # the last action (a)
 )
-"""Terms of the observation in order, named as in mjlab's tracking task. Simulation alone uses a tracker, so it observes
-the full state without noise."""
+"""Terms of the observation in order, named as in mjlab's tracking task. The tracker is used only in simulation, so it
+observes the full state without noise."""
 
 
 def observation_size(joints: int, links: int, actions: int) -> int:

@@ -1,4 +1,4 @@
-"""A trained tracker: its network, and the robot, joints and links it was trained for."""
+"""A trained tracker: network, robot, joints and links."""
 
 import dataclasses
 import functools
@@ -20,17 +20,17 @@ class Tracker:
     """A tracking policy of one robot."""
 
     robot: str
-    """Name of the robot it was trained on."""
+    """Name of the robot that it was trained on."""
     network: Policy
     """Weights in single precision."""
     gains: PolicyGains
     controlled: tuple[str, ...]
-    """Joints that the action moves, in its order."""
+    """Joints in the order of the action."""
     key_links: tuple[str, ...]
-    """Links that are observed, in order; the root link is the first."""
+    """Observed links in order; the root link is the first."""
 
     def act(self, observation: Float[np.ndarray, " n"]) -> Float[np.ndarray, " a"]:
-        """Mean action for one observation; `Policy.act` is for many and slower for one."""
+        """Mean action for one observation; faster than `Policy.act`, which is for batches."""
         value = (observation.astype(np.float32) - self.network.mean) / self.network.scale
         for weight, bias in self.network.layers[:-1]:
             value = weight @ value + bias
@@ -40,13 +40,13 @@ class Tracker:
 
 
 def load_tracker(path: Path, robot: Robot) -> Tracker:
-    """The tracker of a file. Raises FileError where it is none, or is for another robot, joint set or network size."""
+    """Read a tracker. Raises FileError if the file is no tracker, or of another robot, joint set or network size."""
     return _checked(path, _read(path, path.stat().st_mtime_ns if path.is_file() else 0), robot)
 
 
 @functools.lru_cache(maxsize=4)
 def _read(path: Path, changed_ns: int) -> Tracker:
-    """The tracker of a file; `changed_ns` is the file's time of change, so that a new content is read again."""
+    """Read a tracker, cached by path and modification time `changed_ns`."""
     policy = load_policy(path)
     if policy.gains is None:
         raise FileError(path, "has no joint names and gains, so it is no tracker.", "Train one: pipeline.tracking.")

@@ -1,4 +1,4 @@
-"""The arrays of a tracker file, from a checkpoint: network, robot, joints, links, gains and action scale."""
+"""Arrays of a tracker file from a checkpoint: network, robot, joints, links, gains and action scale."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from pipeline.tracking.task import ACTION_SCALE, OBSERVATION
 
 
 def tracker_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.ndarray]:
-    """What rollouts read of a checkpoint. Raises TrainingError where it is another network's."""
+    """Arrays for rollouts from a checkpoint. Raises TrainingError if the network has another structure."""
     return policy_arrays(state, robot) | {
         "robot": np.array(robot.name),
         "controlled": np.array(robot.controlled),

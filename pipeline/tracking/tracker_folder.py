@@ -1,7 +1,7 @@
-"""A tracker as a folder: its network, its curves, and a card that says what it was trained on and how well it tracks.
+"""A tracker's folder: network, training curves, and a card with training data and tracking quality.
 
 <folder>/tracker.npz   the network with robot, joints, links and gains
-<folder>/curves.csv    one row an iteration of training
+<folder>/curves.csv    one row per training iteration
 <folder>/card.json     clips and licences, robot, command, commit, figures of the nominal rollouts, digests of the files
 
 `python -m pipeline.tracking.export_tracker` writes one from a training run.
@@ -24,23 +24,23 @@ NETWORK, CURVES, CARD = "tracker.npz", "curves.csv", "card.json"
 
 @dataclass(frozen=True, kw_only=True)
 class TrackerCard:
-    """What a tracker's folder says of it."""
+    """Metadata of a tracker (`card.json`)."""
 
     robot: str
     clips: tuple[str, ...]
     """Reference clips that it was trained on."""
     licences: tuple[str, ...]
-    """Of these clips."""
+    """Licences of these clips."""
     training: dict[str, Any]
     """Command, commit, seed, device, iterations, seconds, digest of the bundle."""
     figures: dict[str, float]
-    """Nominal rollouts of these clips on a CPU."""
+    """Figures of the nominal rollouts of these clips on a CPU."""
     files: dict[str, str]
-    """Name -> digest."""
+    """File name -> digest."""
 
 
 def read_card(folder: Path) -> TrackerCard:
-    """The card of a tracker's folder. Raises FileError where it or a file is missing, changed or of another schema."""
+    """Read a tracker's card. Raises FileError if it or a file is missing, changed or of another schema."""
     path = folder / CARD
     if not path.is_file():
         raise FileError(path, "it is missing: the folder has no tracker.", "Train one, or name another folder.")
@@ -57,15 +57,15 @@ def read_card(folder: Path) -> TrackerCard:
 def write_tracker_folder(
     folder: Path, run: Path, iterations: int, bundle: TrackingBundle, figures: dict[str, float], made: dict[str, str]
 ) -> TrackerCard:
-    """Replace `folder` by network and curves of a training run and their card; a reader finds the old one or the new.
+    """Replace `folder` atomically by network and curves of a training run and their card.
 
     Args:
         run: folder of the run; its `tracker.npz` is the network after `iterations`
-        bundle: what it was trained on
-        figures: those of the nominal rollouts of its clips
+        bundle: the bundle that it was trained on
+        figures: figures of the nominal rollouts of its clips
         made: `command` and `commit`
 
-    Raises FileError where the run lacks a file, or `folder` holds other files than a tracker's.
+    Raises FileError if the run lacks a file, or if `folder` has files that are not a tracker's.
     """
     strange = sorted({path.name for path in folder.glob("*")} - {NETWORK, CURVES, CARD})
     if strange:

@@ -1,4 +1,4 @@
-"""How many disturbed rollouts of each source clip KP5 accepts, and how far they are from the motion they tracked."""
+"""Acceptance of disturbed rollouts by KP5 per source clip, and their distance to the tracked motion."""
 
 from collections import Counter, defaultdict
 
@@ -11,7 +11,7 @@ QUANTILES = (0.1, 0.5, 0.9, 1.0)
 
 
 def accepted_variations(rollouts: Manifest, feasible: Manifest) -> pd.DataFrame:
-    """One row a source clip with `source_clip, tried, accepted, share`, the least accepted first.
+    """One row per source clip with `source_clip, tried, accepted, share`, sorted by `accepted`.
 
     A source clip is a window of a recording with its mirror image and all variants. A disturbed rollout of any of them
     is accepted if KP5 keeps a piece of it. Source clips without any rollout are not listed.
@@ -51,5 +51,5 @@ def distances(feasible: Manifest) -> pd.DataFrame:
 
 
 def _source(clip: str) -> str:
-    """The source clip: the name before the first mark of a variant."""
+    """The source clip: the name before the first variant suffix."""
     return clip.split("~")[0]

@@ -19,14 +19,14 @@ from pipeline.tracking.task import CONTROL_HZ
 def write_tracking_bundle(
     folder: Path, clips: Iterable[RobotClip], robot: Robot, facts: dict[str, Any], licences: Iterable[str]
 ) -> dict[str, Any]:
-    """Write the bundle; the content of its `bundle.json`.
+    """Write the bundle; return the content of its `bundle.json`.
 
     Args:
-        folder: where it goes
+        folder: output folder
         clips: reference motions at 50 Hz, in the order they are stored
         robot: the adapted robot
         facts: `robot.json`, as `pipeline.expert.training_bundle.robot_facts` gives it
-        licences: of the clips
+        licences: licences of the clips
 
     Raises ClipError for a clip of another rate or robot.
     """
@@ -47,7 +47,7 @@ def write_tracking_bundle(
 
 
 def motion_arrays(clips: Iterable[RobotClip], robot: Robot) -> dict[str, np.ndarray]:
-    """Clips one after the other, in single precision."""
+    """Concatenate clips, in single precision."""
     taken = list(clips)
     for clip in taken:
         if clip.fps != CONTROL_HZ:

@@ -1,1 +1,1 @@
-"""The protocol that evaluates a policy: cells, figures, bars, one verdict with every reason."""
+"""The validation protocol of a policy: cells, figures, bars (thresholds), one verdict with every reason."""

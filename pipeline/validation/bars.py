@@ -54,7 +54,7 @@ class Required:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """Where the bars come from: a policy, or, with empty digests, a statement."""
+    """Origin of the bars: a reference policy, or, with empty digests, a statement."""
 
     policy: str
     """Digest of the policy; empty if the bars were stated by hand."""
@@ -197,7 +197,7 @@ def scaled_to(rules: R, robot: Robot) -> R:
 
 def read_validation(rules: Path, bars: Path) -> ValidationSettings:
     """The rules (`data/validation.yaml`) and a robot's bars (`robots/<robot>/validation.yaml`). Raises SettingsError,
-    which says how to derive the bars where there are none."""
+    which explains how to derive missing bars."""
     if not bars.is_file():
         do = "Derive them from a policy that walks: python -m pipeline.validation.derive POLICY.npz --robot FOLDER."
         raise SettingsError(bars, f"'{bars.parent.name}' has no thresholds for a policy. {do}")
@@ -235,7 +235,7 @@ Velocity = tuple[float, float, float]
 
 
 def command_errors(command: Velocity, reached: Velocity) -> dict[str, float]:
-    """How far a walk is from its command: `speed_error` [m/s] and `yaw_rate_error` [rad/s]."""
+    """Errors of a walk relative to its command: `speed_error` [m/s] and `yaw_rate_error` [rad/s]."""
     speed_error = math.hypot(reached[0] - command[0], reached[1] - command[1])
     return {"speed_error": speed_error, "yaw_rate_error": abs(reached[2] - command[2])}
 
@@ -251,7 +251,7 @@ def missed(errors: dict[str, float], command: Velocity, required: Required) -> l
 
 
 def _failures(one: Measured, required: Required) -> list[str]:
-    """Why the reference policy does not pass a cell."""
+    """Reasons why the reference policy does not pass a cell."""
     names = one.cell.figures
     if "survival" in names:
         survival = one.figure("survival")

@@ -82,7 +82,7 @@ def switch_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
 
 
 def start_cells(seeds: Sequence[int]) -> tuple[Cell, ...]:
-    """Starts perturbed as far as by a push or by a person's hands."""
+    """Perturbed starts, about as much as by a push or by a person's hands."""
     wide = Start(joint_pos=0.15, joint_vel=1.0, lin_vel=0.3, ang_vel=0.5, tilt=0.1)
     cells = []
     for name, command in (("standing", VelocityCommand()), ("walking", VelocityCommand(forward=0.6))):
@@ -130,12 +130,12 @@ def _cell(
 
 
 NOISE = SensorNoise(gyro=0.1, gravity=0.02, joint_pos=0.01, joint_vel=0.5)
-"""Half widths, several times those of encoders and gyro of such a robot at rest. Judgement."""
+"""Half widths of the noise, several times those of such a robot's encoders and gyro at rest (estimate)."""
 
 FRICTIONS = (0.3, 0.4, 0.6, 0.8, 1.2)
 DELAYS_MS = (10, 20, 30, 40)
 GRASS_FRICTION = 0.8
-"""Judgement."""
+"""Friction coefficient of grass (estimate)."""
 
 TERRAINS: dict[str, tuple[GroundSpec, float]] = {
     "rough 2 cm": (GroundSpec(kind="rough", size=0.02), 1.0),

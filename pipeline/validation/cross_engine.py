@@ -1,6 +1,6 @@
 """The same policy, gains and motors in MuJoCo, its bridge and DART: a matrix of cells and a verdict with every reason.
 
-A cell is required if the robot's `validation.yaml` says so, that is if the reference policy passes it. In a required
+A cell is required if the robot's `validation.yaml` states so, i.e. if the reference policy passes it. In a required
 cell the policy must not fall in MuJoCo or DART, must follow its command within the cell's bars, and both engines must
 agree. MuJoCo and the bridge differ in the armature on the links, the bridge and DART in contact and solver. A
 difference that the bridge has to MuJoCo as well comes from the approximation; it is listed, not counted.
@@ -40,7 +40,7 @@ from pipeline.validation.verdict import CellOutcome, SuiteOutcome
 
 NAMES = {"mujoco": "MuJoCo", "bridge": "MuJoCo with the armature on the links", "dart": "DART"}
 HELD = (MUJOCO, DART)
-"""Engines that have to meet the bars; the bridge only explains differences."""
+"""Engines that must meet the bars; the bridge only explains differences."""
 COMPARED = (
     ("forward_m_s", "velocity", "forward velocity"),
     ("lateral_m_s", "velocity", "lateral velocity"),
@@ -159,7 +159,7 @@ def cross_engine(
 
 
 def errors_of(cell: Cell, figures: Figures) -> dict[str, float]:
-    """How far a walk is from the cell's last command: `speed_error` [m/s] and `yaw_rate_error` [rad/s]."""
+    """Errors of a walk relative to the cell's last command: `speed_error` [m/s] and `yaw_rate_error` [rad/s]."""
     return command_errors(cell.command, figures.velocity)
 
 

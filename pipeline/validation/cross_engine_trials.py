@@ -13,7 +13,7 @@ from pipeline.hardware_logs.write import write_mcap
 from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult, errors_of, off_command
 from pipeline.validation.cross_engine_walk import Cell, CrossEngineSettings, walk
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.failed_trials import CELL_NOTE, LONGEST_NOTE, file_name, off_most
+from pipeline.validation.failed_trials import CELL_NOTE, LONGEST_NOTE, file_name, largest_error
 from pipeline.virtual_robot.record import record
 
 
@@ -53,7 +53,7 @@ def missed_by(cell: CellResult, engine: str, seed: int, settings: Cell) -> tuple
     else:
         span = {"from_s": settings.seconds - settings.measured_s, "until_s": settings.seconds}
         missed = {
-            name: {"got": error, **span, **off_most(name, settings.command, one.velocity)}
+            name: {"got": error, **span, **largest_error(name, settings.command, one.velocity)}
             for name, error in errors_of(settings, one).items()
         }
     found = []

@@ -104,7 +104,7 @@ class Figures:
     """Velocity of the root in its heading frame."""
     yaw_rate_rad_s: float
     height_m: float
-    """Of the root."""
+    """Height of the root."""
     power_w: float
     """Sum over the joints of |torque times speed|."""
 
@@ -127,7 +127,7 @@ def make_plant(engine: str, deployed: Deployed, timestep_s: float, friction: flo
     if deployed.armature is not None:
         robot = dataclasses.replace(robot, armature=deployed.armature)
     if engine == DART:
-        from pipeline.dart.plant import DartPlant  # needs libraries that MuJoCo does without
+        from pipeline.dart.plant import DartPlant  # needs libraries that MuJoCo does not
 
         return DartPlant(robot, timestep_s, friction)
     options = MujocoOptions(timestep_s=timestep_s, friction=friction, armature=robot.armature)

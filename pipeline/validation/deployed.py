@@ -39,7 +39,7 @@ class Deployed:
     """Armature in MuJoCo if it differs from the robot's [kg m^2]."""
 
     def __post_init__(self) -> None:
-        self.controller()  # a misfit is found here rather than in a worker
+        self.controller()  # raises errors here rather than in a worker
 
     def gains(self) -> dict[str, dict[str, float]]:
         """`kp` [N m/rad] and `kd` [N m s/rad] of each joint; they may be others than those in the policy's digest."""

@@ -61,7 +61,7 @@ HEADER = """\
 
 
 def derive(path: Path, one: Deployed, found: dict[str, dict[str, CellBars]], command: str) -> None:
-    """Write parts of a robot's bars, derived from the reference policy. A file that is there keeps its other parts."""
+    """Write parts of a robot's bars, derived from the reference policy. An existing file keeps its other parts."""
     bars = settings.read(path, RobotBars) if path.is_file() else _no_bars(one)
     reference = dataclasses.replace(_no_bars(one).reference, ankle_kd=bars.reference.ankle_kd, command=command)
     left = [part for part in PARTS if part not in found]
@@ -99,7 +99,7 @@ def stand_in_walks(damped: Sequence[Deployed], folder: Path, plan: WebotsSetting
 
 
 def _no_bars(one: Deployed) -> RobotBars:
-    """What is known of a robot's bars before any is derived."""
+    """The existing bars of a robot, or empty ones."""
     reference = Reference(policy=policy_digest(one.policy), robot=one.robot.digest, ankle_kd=(), command="")
     return RobotBars(reference=reference, cells={}, engines={}, webots={}, limit_cycles={})
 

@@ -108,11 +108,11 @@ def _measured(name: str, numbers: Numbers, trial: Trial, rollout: Rollout, envel
         measured["joint"] = most_saturated(rollout, trial.measure_s, envelope)
     if KNOWN[name].axes:
         reached = numbers["forward"], numbers["lateral"], numbers["yaw_rate"]
-        measured |= off_most(name, trial.command.last.goal, reached)
+        measured |= largest_error(name, trial.command.last.goal, reached)
     return measured
 
 
-def off_most(figure: str, goal: tuple[float, float, float], reached: tuple[float, float, float]) -> dict[str, Any]:
+def largest_error(figure: str, goal: tuple[float, float, float], reached: tuple[float, float, float]) -> dict[str, Any]:
     """The axis with the largest velocity error, with its commanded and achieved velocity."""
     commanded, achieved = dict(zip(AXES, goal, strict=True)), dict(zip(AXES, reached, strict=True))
     axis = max(KNOWN[figure].axes, key=lambda each: abs(achieved[each] - commanded[each]))

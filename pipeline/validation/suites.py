@@ -3,8 +3,8 @@
 - `force`: a constant horizontal force at the trunk's centre of mass for 0.1 s, as in the published figures;
 - `kick`: an instantaneous change of the whole robot's velocity by impulse / mass;
 - `ball`: a 10 kg ball that hits the trunk with the speed of a drop (1.3 m in the paper). It is removed after 0.3 s, or
-  later if it has to catch up with a robot that walks away. The collision decides how much of its momentum the robot
-  receives.
+  later if it has to catch up with a robot that walks away. The collision determines how much of its momentum the
+  robot receives.
 
 Each figure names its model: figures of different models are different quantities. While standing still, the eight times
 are equivalent.
@@ -26,9 +26,9 @@ from pipeline.validation.cells import SURVIVING, Cell, command_cells, unpushed_c
 from pipeline.validation.trial import CommandProfile, Conditions, Trial, VelocityCommand
 
 IMPULSES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
-"""[N s]"""
+"""Impulses of pushes [N s]."""
 TIMES = DIRECTIONS = 8
-"""The first direction is forward, then every 45 degrees to the left."""
+"""Number of push times and directions; the first direction is forward, then every 45 degrees to the left."""
 STEP_S = 0.1
 """Time between consecutive push times [s]; eight cover more than a gait cycle."""
 FIRST_S = {"standing": 1.0, "walking": 3.0}
@@ -46,20 +46,20 @@ GAITS = {"standing": VelocityCommand(), "walking": VelocityCommand(forward=0.5)}
 
 @dataclass(frozen=True, kw_only=True)
 class Trials:
-    """Which trials the cells of a suite have."""
+    """Trials of a suite's cells."""
 
     seeds: tuple[int, ...]
-    """Of all trials but perturbed starts and pushes."""
+    """Seeds of all trials except perturbed starts and pushes."""
     starts: Sequence[int]
     """Seeds of perturbed starts."""
     shift: float
-    """By which share of a step times and directions of pushes are shifted."""
+    """Shift of push times and directions, as a share of a step."""
 
 
 JUDGED = Trials(seeds=(1, 2, 3, 4, 5), starts=range(1, 21), shift=0.0)
-"""Of the suites by which a policy is judged."""
+"""Trials of the suites that evaluate a policy."""
 UNSEEN = Trials(seeds=(11, 12, 13, 14, 15), starts=range(21, 41), shift=0.6)
-"""Of the suite `held-out`: none is in another suite, or in the sweep that chooses a checkpoint."""
+"""Trials of the suite `held-out`, which are in no other suite and not in the sweep that chooses a checkpoint."""
 
 
 def push_cells(
@@ -80,9 +80,9 @@ def push_cell(robot: Robot, model: str, gait: str, size: float, shift: float) ->
     Args:
         robot: its mass determines the velocity change of a kick
         model: `force, kick` or `ball`
-        gait: of `GAITS`
+        gait: one of `GAITS`
         size: impulse [N s]; for a ball the drop height [m]
-        shift: of `Trials`
+        shift: shift of times and directions, see `Trials`
     """
     conditions = Conditions(ball=BALL) if model == "ball" else Conditions()
     trials = []
@@ -146,7 +146,7 @@ QUICK_CELLS: dict[str, int] = {
     "push kick standing 40 Ns": 8,
 }
 """Cells of the quick suite besides the 16 commands -> number of trials; for pushes one per direction. Only cells that
-the reference policy survives completely: a share over 64 trials says little about 8."""
+the reference policy survives completely: a share over 64 trials is not significant for 8."""
 
 
 def cells_of(suite: str, robot: Robot) -> tuple[Cell, ...]:

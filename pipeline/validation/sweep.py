@@ -1,8 +1,8 @@
 """Figures of a checkpoint on development trials: `python -m pipeline.validation.sweep POLICY.npz`.
 
 It has the cells of the full suite without a push, and pushes as a 0.1 s force. Its seeds, start poses, push times and
-push directions are in no suite: checkpoints are not chosen by the trials that judge them. A run's checkpoint is chosen
-by this sweep in plain MuJoCo. The score is a penalty; the lowest wins, and of equal ones the later:
+push directions are in no suite: checkpoints are not chosen by the trials that evaluate them. A run's checkpoint is
+chosen by this sweep in plain MuJoCo. The score is a penalty; the lowest wins, in a tie the later one:
 
     10 falls + required cells that miss a threshold + mean error of the 16 commands / 0.05
     + 2 (1 - mean survival of pushes)
@@ -46,8 +46,8 @@ PUSHED = {
 """Cells with a push -> number of trials."""
 
 TRIALS = Trials(seeds=(6, 7, 8, 9, 10), starts=range(41, 61), shift=0.3)
-"""Development trials: none is in a suite, and a cell has as many as there. Two seeds a cell once let a checkpoint pass
-that goes on stepping in one stop of five."""
+"""Development trials: none is in a suite, and a cell has as many as in the suites. With two seeds per cell, a
+checkpoint passed that kept stepping in one of five stops."""
 
 COLUMNS = ("forward", "lateral", "yaw_rate", "power", "slip", "saturation", "drift", "steps")
 
@@ -145,7 +145,7 @@ def error_of(row: Measured) -> float:
 
 
 def commanded(row: Measured) -> tuple[float, list[float]]:
-    """The command on its largest axis, and what each trial reached on it, 0 after a fall [m/s or rad/s]."""
+    """The command on its largest axis, and the velocity of each trial on it, 0 after a fall [m/s or rad/s]."""
     (goal,) = {trial.command.last.goal for trial in row.cell.trials}
     axis = int(np.argmax(np.abs(goal)))
     name = ("forward", "lateral", "yaw_rate")[axis]
@@ -153,7 +153,7 @@ def commanded(row: Measured) -> tuple[float, list[float]]:
 
 
 def best(found: Sequence[SweepResult]) -> SweepResult:
-    """The checkpoint with the lowest score; of equal ones the later."""
+    """The checkpoint with the lowest score; in a tie the later one."""
     return min(found, key=lambda each: (round(each.score, 9), -each.iteration))
 
 

@@ -59,7 +59,7 @@ class CommandProfile:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSpec:
-    """A terrain by name and size; random terrain is drawn from the seed."""
+    """A terrain by name and size; random terrain is sampled with the seed."""
 
     kind: str
     """`slope, cross_slope, bump, gravel, stones` or `rough`."""

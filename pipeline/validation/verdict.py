@@ -24,7 +24,7 @@ class Reason:
 
 @dataclass(frozen=True, kw_only=True)
 class CellOutcome:
-    """A cell's bars and the reasons against it."""
+    """A cell's bars and the reasons why it fails."""
 
     bars: CellBars
     reasons: tuple[Any, ...]
@@ -112,7 +112,7 @@ def judge(
 ) -> Verdict:
     """Compare each cell with its bars. A cell that the file does not contain is not required, with that reason.
 
-    Bars of another robot are used too; the verdict carries a note.
+    Bars of another robot are also used; the verdict then has a note.
     """
     cells = []
     for one in measured:

@@ -23,7 +23,7 @@ from pipeline.validation.trial import Conditions, GroundSpec, Start, Trial
 
 TIMESTEP_S = 0.002
 WRENCH_EVERY = 5
-"""Contact forces are read at every fifth step, 100 Hz."""
+"""Contact forces are read at every fifth step (100 Hz)."""
 BUMP_AT_M, BUMP_WIDTH_M = 1.5, 0.4
 STONE_GAP_M = 0.04
 
@@ -58,8 +58,8 @@ def walk(worlds: Worlds, trial: Trial, stop_on_fall: bool = True) -> Rollout:
 class Branches:
     """Rollouts of trials that differ only in their event: the common part before it is simulated once.
 
-    The rollout of such a trial begins with the control step of the event; its bits are those of the complete rollout.
-    Trials with the same prefix have to be consecutive.
+    The rollout of such a trial begins with the control step of the event and is bit-identical to the complete rollout.
+    Trials with the same prefix must be consecutive.
     """
 
     def __init__(self, worlds: Worlds):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.catalog import CatalogSettings, judge
-from pipeline.catalog.time_base import Person, steps_ahead
+from pipeline.catalog.time_base import Person, forward_steps
 from pipeline.clips.human_clip import HumanClip
 from pipeline.files import settings as settings_file
 from pipeline.readers import Statement, read_motion
@@ -103,14 +103,14 @@ def test_who_does_not_walk_is_not_judged():
 
 
 def test_steps_are_measured_in_frames_and_metres():
-    steps = steps_ahead(Person(clip=walker(seconds=10.0, fps=60.0, gait=Gait(speed_m_s=1.2, stride_s=1.1))))
+    steps = forward_steps(Person(clip=walker(seconds=10.0, fps=60.0, gait=Gait(speed_m_s=1.2, stride_s=1.1))))
     assert len(steps.frames) >= 14
     assert np.median(steps.frames) == pytest.approx(33.0, abs=1.0)
     assert np.median(steps.length) == pytest.approx(0.66, abs=0.02)
 
 
 def test_a_run_has_steps_of_its_cadence():
-    steps = steps_ahead(Person(clip=runner(120.0)))
+    steps = forward_steps(Person(clip=runner(120.0)))
     assert np.median(steps.frames) / 120.0 == pytest.approx(STEP_S, abs=0.01)
 
 

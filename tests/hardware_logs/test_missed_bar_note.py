@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from pipeline.hardware_logs.missed_bars import KNOWN, NOTE, MissedBar, heard, note_of
+from pipeline.hardware_logs.missed_bars import KNOWN, NOTE, MissedBar, note_of, trusted_bars
 from tests.factories.robot_logs import facts
 
 SLIP = MissedBar(cell="vx +0.6", figure="slip", got=0.102, asked=0.084, from_s=4.0, until_s=10.0)
@@ -22,17 +22,17 @@ def test_bars_come_back_as_they_were():
     fell = MissedBar(cell="push kick standing 40 Ns", figure="survival", got=0.5, asked=0.9, from_s=2.0, until_s=2.0)
     weak = MissedBar(cell="a", figure="saturation", got=4.2, asked=3.9, from_s=4.0, until_s=10.0, joint=KNEE)
     notes = note_of((SLIP, fell, weak))
-    assert heard(facts(notes=notes), [KNEE]) == ((SLIP, fell, weak), ())
+    assert trusted_bars(facts(notes=notes), [KNEE]) == ((SLIP, fell, weak), ())
     assert note_of((SLIP, fell, weak)) == notes
     assert (SLIP.bar, fell.bar) == ("at most 0.084 m/s", "at least 0.9 share")
 
 
 def test_a_log_without_the_note_says_nothing():
-    assert heard(facts(notes={"floor": "carpet"}), [KNEE]) == ((), ())
+    assert trusted_bars(facts(notes={"floor": "carpet"}), [KNEE]) == ((), ())
 
 
 def test_a_log_that_does_not_say_that_it_is_simulated_is_not_heard():
-    missed, (why,) = heard(facts(notes=note_of((SLIP,)), simulated=False), [KNEE])
+    missed, (why,) = trusted_bars(facts(notes=note_of((SLIP,)), simulated=False), [KNEE])
     assert missed == () and "not that it is simulated" in why
 
 
@@ -74,13 +74,13 @@ def test_a_log_that_does_not_say_that_it_is_simulated_is_not_heard():
     ids=lambda text: text[-30:],
 )
 def test_what_no_validation_writes_is_left_out(text):
-    missed, (why,) = heard(facts(notes={NOTE: text}), [KNEE])
+    missed, (why,) = trusted_bars(facts(notes={NOTE: text}), [KNEE])
     assert missed == () and why == "its missed bars can't be right and are left out."
 
 
 def test_one_wrong_bar_leaves_out_its_neighbours():
     both = [dataclasses.asdict(SLIP), {**dataclasses.asdict(SLIP), "got": 1e300}]
-    assert heard(facts(notes={NOTE: json.dumps(both)}), [KNEE])[0] == ()
+    assert trusted_bars(facts(notes={NOTE: json.dumps(both)}), [KNEE])[0] == ()
 
 
 @pytest.mark.parametrize("figure", sorted(KNOWN))

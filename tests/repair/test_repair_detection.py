@@ -12,7 +12,7 @@ from pipeline.clips.human_clip import HumanClip, body
 from pipeline.readers import read_motion
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
-from pipeline.repair.unsteadiness import Seen, find_spikes
+from pipeline.repair.unsteadiness import MotionFeatures, find_spikes
 from tests.factories.human_clips import Gait, standing, walker
 from tests.factories.planted_defects import KINDS, plant
 
@@ -81,7 +81,7 @@ def test_a_spike_names_the_limit_that_it_passes(settings):
     quat = clip.body_quat_w.copy()
     quat[100, knee] = rotation.multiply(quat[100, knee], rotation.from_rotvec(np.array([0.07, 0.0, 0.0])))
     nothing_lost = np.zeros((clip.frame_count, 19), dtype=bool)
-    found = find_spikes(Seen(pos_w=clip.body_pos_w, quat_w=quat), nothing_lost, clip.fps, settings.detection)
+    found = find_spikes(MotionFeatures(pos_w=clip.body_pos_w, quat_w=quat), nothing_lost, clip.fps, settings.detection)
     (spike,) = [one for one in found if one.bodies == (knee,)]
     assert spike.limit is not None and spike.value == pytest.approx(0.07, abs=0.01)
     assert 0.045 <= spike.limit < 0.06

@@ -13,7 +13,7 @@ from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
 from pipeline.repair.shaking import find_noise
 from pipeline.repair.tree import to_local
-from pipeline.repair.unsteadiness import Seen
+from pipeline.repair.unsteadiness import MotionFeatures
 from tests.factories.defect_draft import LIMBS, Draft
 from tests.factories.human_clips import walker
 
@@ -32,8 +32,8 @@ def shaken(clip: HumanClip, start: int, stop: int, joints: tuple[int, ...], size
 
 def told(clip: HumanClip, settings: RepairSettings) -> tuple[int, int]:
     """First frame of all that shakes and the first after it."""
-    seen = Seen(pos_w=clip.body_pos_w, quat_w=clip.body_quat_w)
-    found = find_noise(seen, clip.fps, settings.detection)
+    features = MotionFeatures(pos_w=clip.body_pos_w, quat_w=clip.body_quat_w)
+    found = find_noise(features, clip.fps, settings.detection)
     assert found
     return min(one.start for one in found), max(one.stop for one in found)
 
@@ -79,4 +79,4 @@ def test_pose_that_is_kept_until_it_shakes_is_not_frozen(settings):
 def test_sound_walk_does_not_shake(settings):
     for fps in (30.0, 60.0, 120.0):
         clip = walker(fps=fps, noise=0.0005)
-        assert not find_noise(Seen(pos_w=clip.body_pos_w, quat_w=clip.body_quat_w), fps, settings.detection)
+        assert not find_noise(MotionFeatures(pos_w=clip.body_pos_w, quat_w=clip.body_quat_w), fps, settings.detection)

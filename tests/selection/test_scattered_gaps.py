@@ -106,7 +106,7 @@ def test_a_file_without_any_stretch_that_tells_a_speed_is_rejected():
     gone = np.arange(whole.clip.frame_count) % 60 != 0
     outcome = catalogue(dataclasses.replace(whole, clip=lost(whole.clip, gone)), settings=CATALOG)
     assert outcome.pieces == ()
-    assert "none is in a stretch of 0.2 s that tells a speed" in outcome.reasons[-1].text
+    assert "none is in a stretch of 0.2 s, which a speed needs" in outcome.reasons[-1].text
 
 
 def test_a_long_loss_alone_rejects_no_file():

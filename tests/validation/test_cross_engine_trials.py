@@ -11,7 +11,7 @@ import pytest
 from pipeline.batch import ClipPool
 from pipeline.deployment import deployment_task
 from pipeline.files.settings import read
-from pipeline.hardware_logs.missed_bars import MissedBar, heard
+from pipeline.hardware_logs.missed_bars import MissedBar, trusted_bars
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings, read_validation
@@ -108,7 +108,7 @@ def test_a_log_holds_the_fall_to_its_end(
     assert log.facts.notes["validation cell"] == "stand"
     assert "fell after" in log.facts.notes["reasons"]
     assert log.facts.simulated
-    ((down,), doubts) = heard(log.facts, limp.robot.joint_names)
+    ((down,), doubts) = trusted_bars(log.facts, limp.robot.joint_names)
     assert (down.figure, down.got, down.asked, doubts) == ("falls", 2.0, 0.0, ()) and down.from_s < 1.5
     assert np.isfinite(log.low_state.joint_pos).all() and np.isfinite(log.low_state.acc_b).all()
     assert np.ptp(log.low_state.time_ns) * 1e-9 == pytest.approx(1.5, abs=0.1)
