@@ -190,7 +190,7 @@ def test_one_environment_in_three_is_on_a_slope():
     env.scene["robot"].data.gravity_vec_w = start.repeat(count, 1)
     torch.manual_seed(0)
     slopes = Slopes(env)
-    slopes.grow(1.0)
+    slopes.set_scale(1.0)
     assert float((slopes.down_w[:, 2] > -1.0).float().mean()) == pytest.approx(1.0 / 3.0, abs=0.02)
 
 

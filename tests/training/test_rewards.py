@@ -157,12 +157,12 @@ def test_distances_and_stumbles_of_the_feet():
 
 def test_forces_and_distances_of_the_feet_are_the_papers_for_the_t1_and_scale_with_the_robot():
     smaller = robot_of(0.5 * T1.weight, 0.8 * T1.leg_length)
-    for robot, force, apart in ((T1, 500.0, 0.2), (smaller, 250.0, 0.16)):
+    for robot, force, distance in ((T1, 500.0, 0.2), (smaller, 250.0, 0.16)):
         terms = rewards.reward_cfg(robot, PAPER)
         assert terms["feet_force"].params["soft"] == pytest.approx(force, rel=1e-3)
         assert terms["feet_force"].params["span"] == pytest.approx(0.8 * force, rel=1e-3)
         for name in ("feet_too_near", "feet_lateral_distance"):
-            assert terms[name].params["apart"] == pytest.approx(apart)
+            assert terms[name].params["distance"] == pytest.approx(distance)
 
 
 def test_shapes_that_touch_are_counted():

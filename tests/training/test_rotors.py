@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant, put_armature_on_links
-from pipeline.training.plain_walk import model_of
+from pipeline.training.plain_walk import ground_model
 from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
 
@@ -66,7 +66,7 @@ def test_a_joint_alone_feels_the_same_wherever_its_rotor_is():
 
 def test_a_walk_with_rotors_on_links_has_no_armature(tmp_path, root, robot):
     folder = small_bundle(tmp_path, root, robot)
-    plain, moved = model_of(folder), copy.copy(model_of(folder))
+    plain, moved = ground_model(folder), copy.copy(ground_model(folder))
     put_rotors_on_links(moved, 1.0)
     assert plain.dof_armature.max() > 0.0
     assert moved.dof_armature.max() == 0.0

@@ -155,13 +155,13 @@ def test_a_bundle_that_was_written_again_meanwhile_is_not_judged_by(bundle, tmp_
 
     monkeypatch.setattr(Stage, "run", written_again)
     assert main(command(own, out)) == 2
-    assert "was written again while this run trained from it" in capsys.readouterr().err
+    assert "was rewritten after this run began" in capsys.readouterr().err
     assert (out / "distillation" / "done.json").is_file() and not (out / "validation").exists()
 
 
 def test_validation_alone_is_refused(bundle, tmp_path, capsys):
     assert main(command(bundle, tmp_path / "out", "--stages", "validation")) == 2
-    assert "validation alone makes no run" in capsys.readouterr().err
+    assert "validation alone is not a run" in capsys.readouterr().err
 
 
 def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_later():
