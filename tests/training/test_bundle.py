@@ -34,7 +34,7 @@ STACK = {
 
 
 def test_training_imports_nothing_but_the_stack_of_a_gpu_host():
-    """Top-level packages that the modules of ours import that training loads, in a process of its own."""
+    """Top-level packages imported by the project modules that training loads, in a separate process."""
     code = """
 import ast, json, pathlib, sys
 import pipeline.training.chain, pipeline.tracking.run
@@ -118,7 +118,7 @@ def test_labels_are_the_velocity_of_the_rollout_and_not_of_the_clip(tracked):
     assert references.speed.tolist() == [pytest.approx([0.40, 0.19], abs=1e-3), pytest.approx([0.60, 0.58], abs=1e-3)]
 
 
-def test_clips_that_are_tracked_at_another_speed_are_left_out(tracked):
+def test_clips_tracked_at_another_speed_are_excluded(tracked):
     references = tracked.teacher.references
     chosen = references.tracked_at_speed(0.1)
     assert chosen.names == ("test/right",)

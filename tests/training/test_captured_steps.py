@@ -1,4 +1,4 @@
-"""What a GPU replays is the same work on the same memory at every step, and the processor waits for none of it.
+"""Captured parts do the same work on the same memory at every step, without GPU synchronization.
 
 Checked on a CPU by PyTorch's calls. That a replayed part computes what the called part does can only be checked on a
 GPU (`benchmarks/captured_steps.py`); so can a Python number that becomes a tensor, which can't be recorded there.

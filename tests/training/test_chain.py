@@ -130,7 +130,7 @@ def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, m
     assert (tmp_path / "amp").exists() == ("amp" in stages) and not (tmp_path / "export").exists()
 
 
-def test_a_diverged_network_makes_no_checkpoint_and_the_run_goes_on_before_it(folder, tmp_path, monkeypatch, capsys):
+def test_a_diverged_network_is_not_saved_and_the_run_can_continue(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("pipeline.training.stage.SAVE_EVERY", 1)
     iterate = chain.AmpStage.iterate
 
@@ -186,7 +186,7 @@ def test_a_stage_killed_after_its_last_checkpoint_was_not_continued(run, folder,
     assert (tmp_path / "run" / "policy.npz").read_bytes() == (run / "policy.npz").read_bytes()
 
 
-def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, capsys):
+def test_a_run_continues_with_the_same_number_of_processes(run, folder, tmp_path, capsys):
     """Its steps and GPU time are counted by their number; a finished run may be validated by any."""
     shutil.copytree(run, tmp_path / "run")
     config = json.loads((tmp_path / "run" / "config.json").read_text())

@@ -22,7 +22,7 @@ WINDOW_S = 14.5
 """Length of the one window of a side step in the shipped motions (data/motions/side_left.yaml)."""
 
 
-def test_the_fault_leaves_the_side_steps_out_until_three_logs_raise_the_limit(tmp_path, monkeypatch):
+def test_the_fault_excludes_side_steps_until_three_logs_raise_the_limit(tmp_path, monkeypatch):
     monkeypatch.setattr(Checkout, "with_answers_of", lambda self, _: self)
     checkout = closed_loop.faulty_checkout(tmp_path / "checkout", [1, 2, 3])
     assert not list((checkout.root / "data/hardware_logs").iterdir())

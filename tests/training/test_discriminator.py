@@ -61,7 +61,7 @@ def test_the_penalty_of_a_linear_score_is_its_slope_off_one_squared():
     assert score.weight.grad is not None
 
 
-def test_windows_that_are_not_judged_get_the_mean_of_those_that_are():
+def test_invalid_windows_get_the_mean_of_the_valid_ones():
     valid = torch.tensor([True, False, True, False])
     given = fill_invalid_with_mean(valid, torch.tensor([1.0, 100.0, 2.0, -100.0]))
     assert given.tolist() == [1.0, 1.5, 2.0, 1.5]
@@ -157,7 +157,7 @@ def test_features_take_the_columns_the_frames_have_them_in():
     assert names == [*joints, *ends, *velocities, *range(46, 67)]
 
 
-def test_features_that_hardly_move_are_divided_by_a_floor_and_clipped():
+def test_nearly_constant_features_are_divided_by_a_floor_and_clipped():
     normalize = FeatureNormalizer(torch.zeros(100, SIZE), floors(JOINTS))
     window = torch.zeros(1, 2, SIZE)
     window[0, 0, 0], window[0, 1, 0] = 0.2, 50.0
@@ -191,7 +191,7 @@ def test_it_learns_to_score_the_expert_above_the_policy(loss):
     assert discriminator.score(expert[:20]).mean() > discriminator.score(torch.randn(20, 4, SIZE) - 2.0).mean()
 
 
-def test_it_waits_while_its_scores_differ_by_more_than_allowed():
+def test_updates_pause_while_scores_differ_by_more_than_allowed():
     torch.manual_seed(0)
     config = RECIPE.changed(
         {"discriminator.largest_difference": 0.3, "discriminator.learning_rate": 1e-3}

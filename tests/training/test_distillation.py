@@ -129,7 +129,7 @@ def test_the_nearest_of_three_frames_is_the_one_with_the_robots_joints(env, teac
     assert teacher._nearest(expected, joints).tolist() == [wave - 1, wave, wave + 1]
 
 
-def test_a_fallen_robot_has_lost_its_clip_and_the_last_frame_ends_the_episode(env, teacher):
+def test_a_fall_is_a_tracking_failure_and_the_last_frame_ends_the_episode(env, teacher):
     env.sim.data.qpos[0, 2] -= 0.3
     teacher.frame[1] = teacher._last[teacher.frame[1]] - 2
     env.robot_state.invalidate()
@@ -167,7 +167,7 @@ def test_the_loss_falls_without_a_gpu(tmp_path, root, robot):
     assert network(torch.zeros(2, 720)).shape == (2, 21)
 
 
-def test_a_clip_is_lost_where_the_trunk_leans_a_right_angle_more_than_it(env, teacher):
+def test_a_trunk_tilted_by_90_degrees_from_the_clip_fails_tracking(env, teacher):
     for row, lean_deg in enumerate((0.0, 60.0, 95.0)):
         env.sim.data.qpos[row, 3:7] = wxyz(Rotation.from_euler("x", lean_deg, degrees=True))
     env.sim.forward()
@@ -176,7 +176,7 @@ def test_a_clip_is_lost_where_the_trunk_leans_a_right_angle_more_than_it(env, te
     assert teacher.tracking_failed.tolist() == [False, False, True]
 
 
-def test_a_robot_on_the_path_of_its_turned_clip_is_never_off_it(env, teacher, monkeypatch):
+def test_a_robot_on_the_path_of_its_rotated_clip_has_no_error(env, teacher, monkeypatch):
     """The clip walks to the front and to the left, and is turned by another angle in each environment."""
     turns, per_frame = torch.tensor([0.0, 1.2, -2.5]), torch.tensor([0.02, 0.008, 0.0])
     walked = teacher._root_pos + torch.arange(len(teacher._root_pos))[:, None] * per_frame

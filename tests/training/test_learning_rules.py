@@ -19,7 +19,7 @@ from tests.factories.training_bundle import small_bundle
 from tests.training.test_mirrored_samples import amp_stage
 
 
-def test_the_reward_is_half_task_and_half_style_and_windows_that_are_not_read_get_the_mean_style(
+def test_the_reward_is_half_task_half_style_and_invalid_windows_get_the_mean(
     tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     algorithm, given = amp_stage(tmp_path, root, robot).algorithm, []
@@ -37,9 +37,7 @@ def test_the_reward_is_half_task_and_half_style_and_windows_that_are_not_read_ge
     assert algorithm.style_share() == pytest.approx(0.25), "half of its ramp from 2 % to 6 % of the run"
 
 
-def test_a_student_that_answers_alike_on_both_sides_has_nothing_to_learn_from_mirrored_labels(
-    tmp_path: Path, root: Path, robot: Robot
-):
+def test_a_symmetric_student_has_no_loss_on_mirrored_labels(tmp_path: Path, root: Path, robot: Robot):
     """It answers with the newest joint positions, of which the labels are a copy."""
     bundle = read_bundle(small_bundle(tmp_path, root, robot, tracker="passive"))
     config = RECIPE.changed({"simulation.num_envs": 4})

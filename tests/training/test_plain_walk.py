@@ -70,7 +70,7 @@ def test_a_policy_of_another_robot_or_task_is_refused_by_name(bundle_folder, roo
         measure_walk(bundle_folder, root / "robots" / other, Walk(command=(0.0, 0.0, 0.0)))
 
 
-def test_touchdowns_a_minute_are_those_of_the_gait_and_not_of_the_time_it_is_watched():
+def test_touchdowns_per_minute_do_not_depend_on_the_measured_duration():
     step = np.arange(300)
     assert touchdown_rate(step % 24 >= 10, 0.02) == pytest.approx(60.0 / 0.48)
     assert touchdown_rate(step % 24 >= 1, 0.02) == 0.0, "20 ms in the air are no swing"

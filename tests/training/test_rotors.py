@@ -33,7 +33,7 @@ def _accelerations(model: mujoco.MjModel, seed: int) -> np.ndarray:
     return data.qacc.copy()
 
 
-def test_all_of_them_on_links_is_what_the_comparison_of_engines_has(robot):
+def test_all_rotors_on_links_match_the_engine_comparison(robot):
     wanted = MujocoPlant(robot, MujocoOptions(armature=robot.armature)).model
     given = MujocoPlant(robot, MujocoOptions(armature=robot.armature)).model
     put_armature_on_links(wanted, robot)
@@ -43,7 +43,7 @@ def test_all_of_them_on_links_is_what_the_comparison_of_engines_has(robot):
         assert _accelerations(given, seed) == pytest.approx(_accelerations(wanted, seed), rel=1e-7, abs=1e-7)
 
 
-def test_a_joint_alone_feels_the_same_wherever_its_rotor_is():
+def test_a_single_joint_is_equivalent_with_its_rotor_on_either_side():
     """With a fixed parent the armature and the link's inertia are equivalent."""
     text = (
         '<mujoco><option gravity="0 0 0"/><worldbody><body><joint axis="0 .6 .8" armature=".05"/>'

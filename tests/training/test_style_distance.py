@@ -30,7 +30,7 @@ def test_an_empty_sample_has_no_distance():
     assert math.isnan(energy_distance(np.ones((5, 9)), np.ones((0, 9))))
 
 
-def test_samples_of_one_distribution_are_near_and_of_shifted_ones_farther_the_more():
+def test_the_distance_of_samples_grows_with_their_shift():
     rng = np.random.default_rng(0)
     sample = rng.normal(size=(400, 20))
     distances = [energy_distance(sample, rng.normal(size=(400, 20)) + shift) for shift in (0.0, 0.2, 1.0)]
@@ -56,7 +56,7 @@ def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
         expert_sets(expert, (2.0, 0.0, 0.0), np.random.default_rng(0))
 
 
-def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, root, robot):
+def test_features_of_a_walk_have_the_commanded_speed_and_falls_are_refused(tmp_path, root, robot):
     bundle, policy = small_bundle(tmp_path, root, robot), root / "robots" / "t1" / "policies" / "walk" / "policy.npz"
     walk = Walk(command=(0.6, 0.0, 0.0), seconds=8.0)
     features = walk_features(bundle, policy, walk)
@@ -75,7 +75,7 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
         walk_features(bundle, policy, Walk(command=(9.0, 0.0, 0.0)))
 
 
-def test_a_fall_or_a_missing_speed_leaves_the_other_speeds_their_figures(tmp_path, root, robot, monkeypatch, capsys):
+def test_a_fall_or_missing_speed_does_not_affect_other_speeds(tmp_path, root, robot, monkeypatch, capsys):
     bundle, policy = small_bundle(tmp_path, root, robot), tmp_path / "policy.npz"
 
     def walked(bundle, policy, walk):
