@@ -78,7 +78,7 @@ def walk_features(bundle: Path, policy: Path, walk: Walk) -> np.ndarray:
     first = steps - round(MEASURE_S / STEP_S)
     for step in range(steps):
         if step % CONTROL_EVERY == 0:
-            world.decide()
+            world.update_targets()
         world.step()
         if world.fell:
             raise TrainingError(f"{policy}: falls at the command {walk.command} after {world.data.time:.1f} s.")
