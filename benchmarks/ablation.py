@@ -1,14 +1,13 @@
-"""Arms of the recipe, each trained with several seeds for equally many iterations and measured alike.
+"""Ablation: arms of the recipe, trained with several seeds for equally many iterations and measured equally.
 
     python -m benchmarks.ablation --out DIR --arm NAME=BUNDLE[,OPTION=VALUE ...] [--arm ...] [--seeds 1 2 3]
                                   [--iterations N] [--device cpu] [--style BUNDLE] [--picture FILE] [--json]
 
-An arm is a bundle (as `amp_policy` writes it: of references, of rollouts, of rollouts with variations) and options of
-training. `--iterations` are those of AMP + PPO, unless an arm's options have them. A run lies in `DIR/NAME-seedN`; a
-repeated command continues where it was interrupted. Runs that were trained elsewhere are validated on a CPU with
-`--device cpu`. Printed are mean and range over the seeds of what each run's validation measured
-(`pipeline/training/policy_figures.py`). Style is the distance from the arm's own expert set; to compare arms of
-different sets, `--style` names the bundle from which all are measured.
+An arm is a bundle (written by `amp_policy`, from references, rollouts, or rollouts with variations) and training
+options. `--iterations` sets those of AMP + PPO, unless an arm's options do. A run is in `DIR/NAME-seedN`; repeating the
+command continues an interrupted run. `--device cpu` validates runs that were trained elsewhere. Prints mean and range
+over the seeds of each run's validation metrics (`pipeline/training/policy_figures.py`). Style is the distance from the
+arm's own expert set; to compare arms with different sets, `--style` names one bundle for all.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from pipeline.training.policy_figures import from_json, style_figures  # noqa: E
 
 @dataclass(frozen=True, kw_only=True)
 class Arm:
-    """One arm: a bundle and options."""
+    """One arm: a bundle and training options."""
 
     name: str
     bundle: Path
@@ -41,24 +40,24 @@ class Arm:
 
 
 def arm_of(text: str) -> Arm:
-    """An arm from `NAME=BUNDLE,OPTION=VALUE,...`. Raises ArgumentTypeError for another form."""
+    """Parse `NAME=BUNDLE,OPTION=VALUE,...`. Raises ArgumentTypeError for another form."""
     name, _, rest = text.partition("=")
     bundle, *parts = rest.split(",")
     options: list[str] = []
-    for part in parts:  # a value may be two numbers: a part without a name belongs to the option before it
+    for part in parts:  # a value may be two numbers: a part without a name belongs to the previous option
         if "=" in part:
             options.append(part)
         elif options:
             options[-1] += f",{part}"
         else:
-            raise argparse.ArgumentTypeError(f"'{text}': '{part}' is no OPTION=VALUE")
+            raise argparse.ArgumentTypeError(f"'{text}': '{part}' is not OPTION=VALUE")
     if not name or not bundle or "/" in name:
         raise argparse.ArgumentTypeError(f"'{text}' must be NAME=BUNDLE[,OPTION=VALUE ...]")
     return Arm(name=name, bundle=Path(bundle), options=tuple(options))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train and measure all arms; exit status 0, or 1 where a training failed."""
+    """Train and measure all arms; exit status 0, or 1 if a training failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--arm", type=arm_of, action="append", required=True)
@@ -81,13 +80,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
-    """Train a run to its end; nothing where it is done. Raises SystemExit where training fails."""
+    """Train a run to its end, unless it is done. Raises SystemExit if training fails."""
     options = [*([f"schedule.iterations={given.iterations}"] if given.iterations is not None else []), *arm.options]
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(arm.bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", given.device]
     if given.device == "cpu":
         if not (folder / "amp" / "done.json").is_file():
-            raise SystemExit(f"{folder}: is not trained to its end. Train it on a GPU (--device cuda), or mend --out.")
+            raise SystemExit(
+                f"{folder}: is not trained to its end. Train it on a GPU (--device cuda), or correct --out."
+            )
         command += ["--stages", "distillation", "amp", "validation"]
     command += [text for option in options for text in ("--set", option)]
     status = subprocess.run(command, cwd=ROOT, stdout=sys.stderr).returncode
@@ -96,14 +97,14 @@ def train(arm: Arm, seed: int, folder: Path, given: argparse.Namespace) -> None:
 
 
 def figures_of(folder: Path, style: Path | None) -> dict[str, float]:
-    """Figures of a run's validation, and minutes of its training; style from the bundle `style`, if given."""
+    """Validation metrics of a run and its training time [min]; style relative to the bundle `style`, if given."""
     figures = from_json(json.loads((folder / "validation" / "figures.json").read_text())["figures"])
     figures["minutes of training"] = json.loads((folder / "done.json").read_text())["seconds"] / 60.0
     return figures | (style_figures(style, folder / "policy.npz") if style else {})
 
 
 def bars_of(found: Mapping[str, Sequence[Mapping[str, float]]]) -> list[Bar]:
-    """Mean, least and largest of each figure over the seeds of each arm."""
+    """Mean, minimum and maximum of each metric over the seeds of each arm."""
     bars = []
     for arm, runs in found.items():
         for name in runs[0]:
@@ -115,7 +116,7 @@ def bars_of(found: Mapping[str, Sequence[Mapping[str, float]]]) -> list[Bar]:
 
 
 def draw(found: Mapping[str, Sequence[Mapping[str, float]]], path: Path) -> None:
-    """One panel a figure, one point a seed."""
+    """Draw one panel per metric, one point per seed."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,9 +1,9 @@
-"""Recovery of planted knees, refusals and coverage of the intervals; the T1's standing test.
+"""Recovery of known torque-speed knees, rejected fits and interval coverage; the T1's standing test.
 
     python benchmarks/actuators.py [--draws 1000] [--json]
 
 Each case is drawn `draws` times: knee speed 5 to 20 rad/s and torque 5 to 60 N m at random, no-load speed 1.25 times
-that of the knee. Sweeps are fitted and refused as those of a file are.
+that of the knee. Sweeps are fitted and rejected like those of a file.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ NO_FALLS = {
     "ends at the knee, 12 points": (0.0, Sweep(end=1.0, points=12)),
     "ends at 0.7 of it": (0.0, Sweep(end=0.7)),
 }
-"""Sag and sampling of each case."""
+"""Voltage sag and sampling of each case."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drawn:
-    """Figures of one case; pairs are (speed, torque)."""
+    """Results of one case; pairs are (speed, torque)."""
 
     errors: np.ndarray
     inside: np.ndarray
@@ -81,7 +81,7 @@ def draw(sag: float, sweep: Sweep, draws: int, seed: list[int], values: Actuator
 
 
 def knee_bars(draws: int, values: ActuatorSettings) -> list[Bar]:
-    """Recovery, refusals and coverage of all cases."""
+    """Recovery, rejections and coverage of all cases."""
     cases = [*KNEES.values(), *NO_FALLS.values()]
     calls = [(sag, sweep, draws, [SEED, number], values) for number, (sag, sweep) in enumerate(cases)]
     found = list(ClipPool().map(draw, calls))

@@ -1,10 +1,10 @@
-"""Known security advisories on the locked packages, from a copy of an advisory database: no network is asked.
+"""Known security advisories on the locked packages, from a copy of an advisory database, without network access.
 
     python benchmarks/advisories.py ADVISORIES [--pins requirements.lock constraints.txt] [--json]
 
 ADVISORIES is a folder of advisories in the OSV format (https://ossf.github.io/osv-schema) as YAML or JSON, at any
 depth: a checkout of https://github.com/pypa/advisory-database, or the unpacked `all.zip` of PyPI from https://osv.dev.
-Exit code 1 where an advisory applies, and where the copy is so old that it proves nothing.
+Exit code 1 if an advisory applies or the copy is too old to be conclusive.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.report import Bar, machine, report  # noqa: E402
 
 PINS = [ROOT / "requirements.lock", ROOT / "constraints.txt"]
-"""The second names torch as well."""
+"""The second file also lists torch."""
 MOST_DAYS = 31.0
-"""Age of the newest advisory [days]; several on Python packages appear each week."""
+"""Largest age of the newest advisory [days]; several on Python packages appear each week."""
 PINNED = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;\\]+)", re.MULTILINE)
 NAME = re.compile(r"""\bname["']?: *["']?([A-Za-z0-9._-]+)""")
 CHANGED = re.compile(r"""\b(?:modified|published)["']?: *["']?(\d{4}-\d{2}-\d{2})""")
@@ -39,22 +39,22 @@ CHANGED = re.compile(r"""\b(?:modified|published)["']?: *["']?(\d{4}-\d{2}-\d{2}
 
 @dataclass(frozen=True, kw_only=True)
 class Looked:
-    """What a copy of a database says of the packages."""
+    """Result of looking up packages in a database copy."""
 
     advisories: int
     newest: datetime.date
-    """Day of the last change of an advisory."""
+    """Date of the newest change of an advisory."""
     found: tuple[str, ...]
-    """A line for each advisory that applies."""
+    """One line per applicable advisory."""
 
 
 def pinned(path: Path) -> dict[str, Version]:
-    """Normalized name -> version of a file of pins."""
+    """Read a file of pins: normalized name -> version."""
     return {canonicalize_name(name): Version(version) for name, version in PINNED.findall(path.read_text())}
 
 
 def look_up(folder: Path, packages: Mapping[str, Version]) -> Looked:
-    """The advisories in a folder that apply to the packages. Raises ValueError for a folder without any."""
+    """Find the advisories in a folder that apply to the packages. Raises ValueError for a folder without advisories."""
     count, days, found = 0, set(), []
     for path in sorted((*folder.rglob("*.yaml"), *folder.rglob("*.json"))):
         text = path.read_text(encoding="utf-8")
@@ -70,7 +70,7 @@ def look_up(folder: Path, packages: Mapping[str, Version]) -> Looked:
 
 
 def applying(advisory: Mapping[str, Any], packages: Mapping[str, Version]) -> list[str]:
-    """A line for each package and version that an advisory affects; none of one that was withdrawn."""
+    """One line per package and version that an advisory affects; none for a withdrawn advisory."""
     found = []
     for affected in advisory.get("affected", ()) if not advisory.get("withdrawn") else ():
         package = affected.get("package", {})
@@ -91,7 +91,7 @@ def _affects(affected: Mapping[str, Any], version: Version) -> bool:
 
 
 def _within(events: list[Mapping[str, str]], version: Version) -> bool:
-    """Whether the last event up to a version leaves it affected."""
+    """Whether the last event up to a version marks it as affected."""
     steps = []
     for event in events:
         ((kind, text),) = event.items()
@@ -106,7 +106,7 @@ def _within(events: list[Mapping[str, str]], version: Version) -> bool:
 
 
 def _version(text: str) -> Version:
-    """A version; one that is none of Python's is taken for older than all."""
+    """Parse a version; one that is not a Python version counts as older than all."""
     try:
         return Version(text)
     except InvalidVersion:

@@ -1,10 +1,10 @@
-"""KP4's perturbations on the motions of this checkout: what each kind does, how many clips can follow, what it takes.
+"""KP4's perturbations of this checkout's motions: amount applied, side effects, and share accepted by KP5.
 
     dagster asset materialize --select expert_db
     python benchmarks/augmentation.py [--json] [--kinds foot_lift] [--no-kp5]
 
-Takes what KP3 made (`data/store`), makes every variant of `VARIANTS` of every clip, and holds it against its original:
-standing feet, the amount that was asked for, peak accelerations. Then KP5 judges original and variant alike.
+Applies every variant of `VARIANTS` to every clip of KP3 (`data/store`) and compares it with its original: stance feet,
+requested amount, peak accelerations. Then KP5 evaluates original and variant.
 """
 
 from __future__ import annotations
@@ -39,25 +39,25 @@ VARIANTS = [
     *(("foot_lift", metres) for metres in (0.02, 0.04)),
     *(("trunk_lean", degrees) for degrees in (-4.0, -2.0, 2.0, 4.0)),
 ]
-"""Those that data/feedback_rules.yaml begins and ends with, and longer steps."""
+"""First and last strengths of data/feedback_rules.yaml, and longer steps."""
 
 
 @dataclass
 class Found:
-    """What one variant came to over all clips."""
+    """Results of one variant over all clips."""
 
     made: int = 0
     refused: dict[str, int] = field(default_factory=lambda: defaultdict(int))
     stance_m: float = 0.0
-    """Largest way of a standing foot beside its one offset."""
+    """Largest displacement of a stance foot relative to its constant offset."""
     off: float = 0.0
-    """Largest share by which what was asked for is missed."""
+    """Largest share of the requested amount that was not reached."""
     sharper: list[float] = field(default_factory=list)
-    """Peak acceleration of a joint over the original's."""
+    """Peak joint acceleration relative to the original's."""
     lowered_m: list[float] = field(default_factory=list)
     kept_s: float = 0.0
     original_s: float = 0.0
-    """Seconds that KP5 lets pass of the variants, and of their originals."""
+    """Duration that KP5 accepts of the variants, and of their originals [s]."""
 
 
 def main() -> int:
@@ -111,7 +111,7 @@ def _look(one: Found, kind: str, strength: float, before: Gait, after: Gait) -> 
 
 
 def _missed(kind: str, strength: float, before: Gait, after: Gait) -> float:
-    """Share of what was asked for that was not reached."""
+    """Share of the requested amount that was not reached."""
     if kind == "step_length":
         was, now = (
             command_velocity(each.clip.root_pos_w, each.clip.root_quat_w, each.clip.fps) for each in (before, after)

@@ -1,15 +1,14 @@
-"""Control steps that a GPU replays as graphs, compared with the same steps launched one by one: results and time.
+"""Control steps replayed as CUDA graphs, compared with eager control steps: results and time.
 
     python -m benchmarks.captured_steps --bundle DIR [--device cuda|cpu] [--num-envs N] [--steps N] [--preset NAME]
                                         [--json]
 
-Both begin with the same seed and get the same actions, without noise and pushes. After a few steps, some of them
-replayed, rewards and motion features of robots whose episode continues are compared: on average, since rounding has
-grown in some by then. After more steps, in which episodes have ended, every robot whose episode begins at the last of
-them must have observed one frame only, be within its joints' limits and at a height to stand at. PyTorch counts how
-often the processor waits for the GPU, over as many steps as everything recurs in. Last, robots in the air must fall
-along their own gravity, which is tilted where the preset has slopes. Actions and heights are the T1's: the bundle must
-be one of a T1.
+Both runs use the same seed and actions, without noise and pushes. After a few steps, some of them replayed, the mean
+differences of rewards and motion features are compared over environments whose first episode continues; individual ones
+differ by accumulated rounding. After more steps, in which episodes have ended, every environment that has just been
+reset must have one frame of history, joints within limits and a standing height. PyTorch counts the synchronizations
+with the GPU over one period of all recurring work. Finally, robots in the air must fall along their gravity, which is
+tilted if the preset has slopes. Actions and heights are the T1's, so the bundle must be of a T1.
 """
 
 from __future__ import annotations
@@ -35,32 +34,32 @@ from pipeline.training.environment import VELOCITY_STEPS, AmpEnvironment  # noqa
 from pipeline.training.mdp.observations import HISTORY  # noqa: E402
 
 COMPARED = WARM_UP + 8
-"""Steps until the comparison."""
+"""Control steps before the comparison."""
 CALM = {"randomization.noise": 0.0, "pushes.impulse_n_s": (0.0, 0.0), "pushes.kick_m_s": (0.0, 0.0)}
 DIFFERENCE = 1e-3
-"""Most that the mean difference may be of the largest value."""
+"""Largest mean difference relative to the largest value."""
 ASTRAY_M = 1e-4
-"""Most that may be; slopes of 8 degrees move it by .0012."""
+"""Largest deviation [m]; slopes of 8 degrees change the path by 0.0012 m."""
 HEIGHT_M = (0.5, 0.9)
-"""Of a root at the start of an episode."""
+"""Range of root heights at the start of an episode [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """Result of one way of stepping; tensors of all robots (n, ...)."""
+    """Result of a run, captured or eager; tensors of all environments (n, ...)."""
 
     reward: torch.Tensor
     features: torch.Tensor
     lived: torch.Tensor
-    """Whether the first episode of each robot continued until here."""
+    """Whether the first episode of each environment has not ended."""
     begun: int
-    """Robots whose episode begins at the last step."""
+    """Number of environments whose episode begins at the last step."""
     sound: int
-    """Those of them that begin as they should."""
+    """Number of these environments with a valid start."""
     astray_m: float
     """Largest deviation of a falling robot from the path of its gravity [m]."""
     seconds: float
-    """A control step."""
+    """Duration of a control step."""
     waits: int
 
 
@@ -94,7 +93,7 @@ def main() -> int:
 
 
 def _run(given: argparse.Namespace, captured: bool) -> Run:
-    """Steps of one environment from its seed on."""
+    """Run an environment, captured or eager, from its seed."""
     config = preset(given.preset).changed({**CALM, "simulation.num_envs": given.num_envs})
     env = AmpEnvironment(read_bundle(given.bundle), config, given.device, 1, captured=captured)
     env.reset(seed=1)
@@ -137,7 +136,7 @@ def _run(given: argparse.Namespace, captured: bool) -> Run:
 
 
 def _sound(env: AmpEnvironment, seen: torch.Tensor) -> torch.Tensor:
-    """Who (n,) is as at the start of an episode."""
+    """Environments (n,) with a valid state for the start of an episode."""
     frames = seen.unflatten(1, (HISTORY, -1))
     first = (frames[:, :-1] == 0.0).flatten(1).all(dim=1) & (frames[:, -1] != 0.0).any(dim=1)
     height, joints = env.sim.data.qpos[:, 2], env.sim.data.qpos[:, 7:]
@@ -147,8 +146,8 @@ def _sound(env: AmpEnvironment, seen: torch.Tensor) -> torch.Tensor:
 
 
 def _astray_m(env: AmpEnvironment) -> float:
-    """Most that the centre of mass of a robot which is held in its default pose, high up, falls elsewhere in two steps
-    than by gravity as it leans when slopes are grown [m]."""
+    """Largest deviation of a falling robot's centre of mass from the path of its (tilted) gravity in two steps, in the
+    default pose above the ground, with slopes at their maximum [m]."""
     env.set_disturbance(1.0)
     env.step(torch.zeros(env.num_envs, 21, device=env.device))
     data, root = env.sim.data, env.scene["robot"].indexing.root_body_id
@@ -166,7 +165,7 @@ def _astray_m(env: AmpEnvironment) -> float:
 
 
 def _waits(step) -> int:
-    """Of the processor for the GPU, in as many steps as everything comes round in."""
+    """Number of synchronizations with the GPU in one period of all recurring work."""
     torch.cuda.set_sync_debug_mode("warn")
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")

@@ -1,19 +1,19 @@
-"""The closed loop: from policies that fail a command to policies of the database that their logs changed.
+"""The closed loop: policies that fail a command, their logs, the changed database, and policies trained on it.
 
     python -m benchmarks.closed_loop --out DIR [--seeds 1 2 3] [--device cpu] [--picture FILE] [--json]
 
-A checkout of its own (`DIR/checkout`, with the shipped motions) gets a curation with a fault: `most_seconds` of both
-side steps are 10 s. The clips of them are longer, so the database has none. Then, for each seed:
+A separate checkout (`DIR/checkout`, with the shipped motions) gets a faulty curation: `most_seconds` of both side steps
+is 10 s. All clips of side steps are longer, so the database has none. Then, for each seed:
 
 1. a policy is distilled from the bundle of that database, with the first stage of the recipe;
-2. the virtual robot walks at the planted command with it, and its log is put into `data/hardware_logs`.
+2. the virtual robot walks with it at the planted command, and its log is written to `data/hardware_logs`.
 
 The logs are ingested, the whole proposal is approved, database and bundle are materialized again, and the same seeds
-are distilled from the new bundle. Printed is the share of 20 walks of 10 s that fall or reach less than half of the
-command, before and after: at the planted command, at its mirror image, and at one that the loop is not about.
+are distilled from the new bundle. Prints the share of 20 walks of 10 s that fall or achieve less than half of the
+command, before and after: at the planted command, its mirror image, and a control command.
 
-Each log of a failing policy raises the limit by a fifth; the clips fit after three. A repeated command continues where
-it was interrupted. 32 minutes on 2 cores with `--device cpu`, more where the project's store is empty.
+Each log of a failing policy raises the limit by a fifth; the clips fit after three. Repeating the command continues an
+interrupted run. 32 minutes on 2 cores with `--device cpu`, more where the project's store is empty.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from benchmarks.ablation import bars_of  # noqa: E402
 from benchmarks.report import machine, report  # noqa: E402
 from pipeline.files import digest  # noqa: E402
 from pipeline.files.atomic import write_text  # noqa: E402
-from pipeline.training.plain_walk import Walk, walked  # noqa: E402
+from pipeline.training.plain_walk import Walk, measure_walk  # noqa: E402
 from tests.factories.checkout import Checkout  # noqa: E402
 
 LIMIT_S = 10
@@ -44,7 +44,7 @@ LIMIT_S = 10
 PLANTED, MIRRORED, OTHER = (0.0, 0.4, 0.0), (0.0, -0.4, 0.0), (0.8, 0.0, 0.0)
 """Commands: forward and to the left [m/s], yaw rate [rad/s]."""
 WALKS, REACHED = 20, 0.5
-"""Walks at a command, and the share of it below which a walk counts as failed."""
+"""Number of walks per command, and the achieved share below which a walk counts as failed."""
 SMALL = "simulation.num_envs=64"
 """Option of the documented training without a GPU (docs/training.md)."""
 WRITE_BUNDLE = "from assets.amp_policy import bundle_of; from pipeline.project import PROJECT; bundle_of(PROJECT, 't1')"
@@ -79,9 +79,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def faulty_checkout(folder: Path, seeds: Sequence[int]) -> Checkout:
-    """A checkout with the fault, without logs and approvals; with answers of this project's store, where it has any.
+    """Create a checkout with the fault, without logs and approvals, and with cached results of this project's store.
 
-    Raises SystemExit where the folder is of other seeds, whose logs its proposal is made of.
+    Raises SystemExit if the folder belongs to a run with other seeds, whose logs determine its proposal.
     """
     mark, words = folder / "seeds", " ".join(map(str, seeds))
     if mark.is_file():
@@ -101,7 +101,7 @@ def faulty_checkout(folder: Path, seeds: Sequence[int]) -> Checkout:
 
 
 def bundle(checkout: Checkout, folder: Path) -> Path:
-    """The training bundle of the checkout's database as it is now, copied to `folder` unless it is there."""
+    """Write the training bundle of the checkout's current database to `folder`, unless it exists."""
     if not folder.is_dir():
         run(checkout, "dagster", "asset", "materialize", "--select", "expert_db")
         run(checkout, sys.executable, "-c", WRITE_BUNDLE)
@@ -113,7 +113,7 @@ def bundle(checkout: Checkout, folder: Path) -> Path:
 
 
 def distilled(bundle: Path, folder: Path, seed: int, device: str) -> Path:
-    """A policy of the recipe's first stage."""
+    """Train a policy with the recipe's first stage."""
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", device, "--stages", "distillation"]
     command += ["--set", SMALL] if device == "cpu" else []
@@ -124,7 +124,7 @@ def distilled(bundle: Path, folder: Path, seed: int, device: str) -> Path:
 
 
 def simulate(checkout: Checkout, policy: Path, seed: int) -> None:
-    """A log of the virtual robot at the planted command, in the checkout's folder of logs unless it is there."""
+    """Write a log of the virtual robot at the planted command to the checkout's log folder, unless it exists."""
     log = checkout.root / f"data/hardware_logs/seed{seed}.mcap"
     if not log.is_file():
         asked = ",".join(f"{value:g}" for value in (0.5, *PLANTED))
@@ -133,7 +133,7 @@ def simulate(checkout: Checkout, policy: Path, seed: int) -> None:
 
 
 def approve(checkout: Checkout) -> None:
-    """Ingest the logs and approve all that they propose."""
+    """Ingest the logs and approve the whole proposal."""
     approved = checkout.root / "data/feedback/approved.yaml"
     if not approved.is_file():
         run(checkout, "dagster", "asset", "materialize", "--select", ",".join(EVIDENCE))
@@ -141,7 +141,7 @@ def approve(checkout: Checkout) -> None:
 
 
 def check_difference(before: Path, after: Path, checkout: Checkout) -> None:
-    """Raises SystemExit where both bundles have the same references, from which all policies are distilled."""
+    """Raises SystemExit if both bundles have the same references, from which all policies are distilled."""
     if digest.of_file(before / "references.npz") == digest.of_file(after / "references.npz"):
         logs = len(list((checkout.root / "data/hardware_logs").glob("*.mcap")))
         proposal = checkout.root / "data/feedback/approved.yaml"
@@ -149,7 +149,7 @@ def check_difference(before: Path, after: Path, checkout: Checkout) -> None:
 
 
 def figures(bundle: Path, policy: Path) -> dict[str, float]:
-    """Share of failed walks at the planted command, its mirror image, and another."""
+    """Share of failed walks at the planted command, its mirror image, and a control command."""
     return {
         f"failed at {x:g}, {y:g} m/s, {turn:g} rad/s": failures(bundle, policy, (x, y, turn))
         for x, y, turn in (PLANTED, MIRRORED, OTHER)
@@ -157,20 +157,20 @@ def figures(bundle: Path, policy: Path) -> dict[str, float]:
 
 
 def failures(bundle: Path, policy: Path, command: tuple[float, float, float]) -> float:
-    """Share of walks at a command along one axis that fall or reach less than half of it."""
+    """Share of walks at a single-axis command that fall or achieve less than half of it."""
     shares = [reached(bundle, policy, command, seed) for seed in range(WALKS)]
     return sum(math.isnan(share) or share < REACHED for share in shares) / WALKS
 
 
 def reached(bundle: Path, policy: Path, command: Sequence[float], seed: int = 0) -> float:
-    """Share that a walk reaches of a command along one axis; NaN if it falls."""
+    """Achieved share of a single-axis command; NaN for a fall."""
     axis, (x, y, turn) = int(np.argmax(np.abs(command))), command
-    found = walked(bundle, policy, Walk(command=(x, y, turn), seed=seed))
+    found = measure_walk(bundle, policy, Walk(command=(x, y, turn), seed=seed))
     return math.nan if found["fell"] else found[("forward", "lateral", "yaw_rate")[axis]] / command[axis]
 
 
 def draw(sides: Mapping[str, tuple[Path, Sequence[Path]]], path: Path) -> None:
-    """Lateral velocity reached over the commanded one: a line a seed, a cross where the robot falls."""
+    """Draw achieved over commanded lateral velocity: a line per seed, a cross for a fall."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -196,7 +196,7 @@ def draw(sides: Mapping[str, tuple[Path, Sequence[Path]]], path: Path) -> None:
 
 
 def run(checkout: Checkout, *command: str) -> None:
-    """Run a command in the checkout. Raises SystemExit with the end of its output where it fails."""
+    """Run a command in the checkout. Raises SystemExit with the end of its output if it fails."""
     print(" ".join(command[:5]), file=sys.stderr, flush=True)
     result = checkout.run(*command, LOKY_MAX_CPU_COUNT=str(os.cpu_count()))
     if result.returncode:

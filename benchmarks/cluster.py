@@ -2,8 +2,8 @@
 
     python benchmarks/cluster.py [--clips 120] [--seconds 8] [--repeat 5] [--json]
 
-Both evaluate the same clips by KP5, in turn, each time into an empty store; processes have been started and have loaded
-the robot before. The threshold is on the ratio of the medians.
+Both evaluate the same clips with KP5, alternately, each time into an empty store, with processes that have already
+loaded the robot. The threshold applies to the ratio of the medians.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from tests.factories.robot_clips import wandering  # noqa: E402
 
 WORKERS = 2
 WARM_UP = 16
-"""Clips that are evaluated before time is taken."""
+"""Clips evaluated before the measurement."""
 LEAST_RATIO = 0.8
-"""Throughput of the cluster over that of `loky`."""
+"""Least throughput of the cluster relative to `loky`."""
 
 
 def seconds_of(stage: Stage, robot: Robot, pool: ClipPool, clips: int, clip_s: float) -> tuple[float, str]:
-    """Wall time [s] of the stage on so many clips, and the digest of what it gives."""
+    """Wall time of the stage for the clips [s], and the digest of its results."""
     with tempfile.TemporaryDirectory(prefix="booster_lab_cluster_") as folder:
         store, entries = Store(root=Path(folder)), []
         for seed in range(clips):

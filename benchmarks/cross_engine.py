@@ -81,7 +81,7 @@ def with_seeds(values: CrossEngineSettings, seeds: int) -> CrossEngineSettings:
 
 
 def own_normalizer(good: Deployed, values: CrossEngineSettings) -> Deployed:
-    """The same policy behind the mean and spread of what it sees on a walk: the published one has no normalizer."""
+    """The same policy with a normalizer fitted to observations of a walk; the published policy has none."""
     seen: list[np.ndarray] = []
 
     class Watched(type(good.policy)):
@@ -131,7 +131,7 @@ def fault_bars(name: str, caught: CrossEngineResult) -> list[Bar]:
 
 
 def tell(found: CrossEngineResult, values: CrossEngineSettings) -> None:
-    """The matrix, and the worst errors of MuJoCo and DART."""
+    """Print the matrix, and the worst errors of MuJoCo and DART."""
     for cell in found.cells:
         means = "; ".join(
             f"{engine} {cell.survival(engine):.1f} "

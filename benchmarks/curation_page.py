@@ -3,7 +3,7 @@
     dagster asset materialize --select expert_db
     python benchmarks/curation_page.py [--clips 5000] [--json]
 
-The clips are those of the project's own store under other names, each a millisecond shorter than the one before, so
+The clips are copies of the project's own clips under other names, each a millisecond shorter than the previous one, so
 that no two share a thumbnail. A headless Chromium opens the page; times are the browser's own, from the action to the
 second frame after it, when the change is on the screen. Needs Playwright and Chromium.
 """
@@ -89,7 +89,7 @@ def main() -> int:
 
 
 def write_project(folder: Path, clips: int) -> int:
-    """A project with at least that many clips; how many there are."""
+    """Write a project with at least `count` clips; return their number."""
     (folder / "data").mkdir()
     for name in ("curation.yaml", "feedback_rules.yaml", "feasibility.yaml"):
         shutil.copy2(ROOT / "data" / name, folder / "data" / name)
@@ -185,10 +185,10 @@ def measure(folder: Path, count: int) -> list[Bar]:
 
 
 def _bars(name: str, times: np.ndarray) -> list[Bar]:
-    """Bars of an action: to the frame that shows it, and of that the page's own script.
+    """Bars of an action: time to the frame that shows it, and time of the page's script.
 
     Args:
-        times: a row for each action: both [ms]
+        times: both times of each action, one row per action [ms]
     """
     shown, script = times.T
     return [
@@ -205,7 +205,7 @@ def _bars(name: str, times: np.ndarray) -> list[Bar]:
 
 
 def first_screen(browser: Any, url: str) -> tuple[float, Any]:
-    """Seconds from opening the page to cards with their thumbnails, and the page."""
+    """Time from opening the page to cards with thumbnails [s], and the page."""
     page = browser.new_page(viewport={"width": 1360, "height": 820})
     start = time.perf_counter()
     page.goto(url)
@@ -214,7 +214,7 @@ def first_screen(browser: Any, url: str) -> tuple[float, Any]:
 
 
 def wait_for_thumbnails(url: str, start: float) -> float:
-    """Seconds since `start` when all thumbnails are there."""
+    """Time from `start` until all thumbnails are loaded [s]."""
     while True:
         with urllib.request.urlopen(f"{url.partition('#')[0]}api/state") as answer:
             state = json.load(answer)["thumbnails"]

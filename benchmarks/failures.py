@@ -1,9 +1,9 @@
-"""Planted failures found, sound trials left alone, a weak knee brought into the model: the closed loop above the logs.
+"""Failure analysis of robot logs: planted failures detected, false alarms, and a weak knee transferred to the model.
 
     python benchmarks/failures.py [--json] [--of-each 8] [--sound 100] [--draw 0] [POLICIES]
 
-A virtual T1 walks by a published policy (POLICIES holds `t1_walk.npz`; by default `../shared/policies` beside the
-checkout). Each trial is written as MCAP and read back as a robot's log is. One process.
+A virtual T1 walks with a published policy (POLICIES holds `t1_walk.npz`; by default `../shared/policies` beside the
+checkout). Each trial is written as MCAP and read like a robot's log. One process.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from tests.factories.trial_reports import COMMANDS, CURATION, RULES  # noqa: E40
 from tests.factories.virtual_trials import Planted, fallen_knee, planted_trials, walk, walker  # noqa: E402
 
 FOUND, FALSE = 95.0, 2.0
-"""Per cent of planted failures to be found with the right kind, and of sound trials that may get any."""
+"""Least share of planted failures found with the right kind, and largest share of sound trials with an alarm [%]."""
 KNEE_WITHIN = 5.0
-"""Per cent of the planted limit."""
+"""Largest error relative to the planted limit [%]."""
 
 
 def main() -> int:
@@ -81,7 +81,7 @@ def main() -> int:
 
 
 def true_direction(rollout: Rollout) -> str:
-    """Where the simulated trunk fell, in the heading that it had a second before; empty where it did not fall."""
+    """Direction in which the simulated trunk fell, in its heading one second before; empty without a fall."""
     if rollout.fell_s is None:
         return ""
     fallen = min(round((rollout.fell_s - rollout.start_s) / rollout.timestep_s), len(rollout.qpos) - 1)
@@ -96,7 +96,7 @@ def true_direction(rollout: Rollout) -> str:
 
 
 def judged(planted: Planted, found: TrialReport) -> bool:
-    """Whether what was planted was found, as the policy's; of a sound trial, that nothing was."""
+    """Whether the planted failure was found and attributed to the policy; for a sound trial, whether none was found."""
     if planted.kind == "sound":
         return not found.failures
     alike = [
@@ -110,7 +110,7 @@ def judged(planted: Planted, found: TrialReport) -> bool:
 
 
 def knee_errors(planted: Planted, found: TrialReport, limit: float) -> list[float]:
-    """Per cent by which the limit of a weak knee was missed."""
+    """Error of the estimated limit of a weak knee [%]."""
     given = [
         float(each.evidence["given_n_m"])
         for each in found.failures
@@ -120,7 +120,7 @@ def knee_errors(planted: Planted, found: TrialReport, limit: float) -> list[floa
 
 
 def model_bars(one, actuators) -> list[Bar]:
-    """A knee so weak that the robot falls: found in two logs, proposed, and in the adapted model it falls too."""
+    """A knee so weak that the robot falls: found in two logs, proposed, and the adapted model falls too."""
     plants = [fallen_knee(forward) for forward in (1.5, 1.9)]
     trials = [trial_of(walk(one, each)[1], one.robot, f"knee_{each.seed}") for each in plants]
     reports = [find_failures(trial, one.robot, actuators, FAILURES) for trial in trials]

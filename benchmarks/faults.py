@@ -1,12 +1,12 @@
-"""Mutated inputs of every kind, each read in a process of its own: what is refused, wrong, crashes or takes memory.
+"""Mutated inputs of every kind, each read in a separate process: refused, silently wrong, crashed, or out of memory.
 
     python benchmarks/faults.py [--only motions logs settings policies] [--seed 37] [--json] [--list]
 
 500 motion files, 300 logs, 200 settings files and robot tables, 200 policies, golden vectors, ONNX and TorchScript
 files, cards and checkpoints. A result is `silent wrong` where the file itself contradicts a value that was read from
 it: by its counts, rows, checksums, digests, velocities, link poses or examples, or by a number whose text did not
-change (tests/factories/campaign_*.py). `crashed` is a traceback, a warning, a wrong exit code, a message that is no
-sentence, or a process that was ended; `capped` took more memory than 1 GB or 200 MB and four times the file's size.
+change (tests/factories/campaign_*.py). `crashed` is a traceback, a warning, a wrong exit code, a message that is not
+a sentence, or a killed process; `capped` took more memory than 1 GB or 200 MB and four times the file's size.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # threads of a library do not live on in a child of its process
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # a library's threads do not survive a fork
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
@@ -39,11 +39,11 @@ KINDS = {
 }
 """Kind of input -> its mutations and their number."""
 SURPLUS = 1.2
-"""Mutations drawn for one that is wanted: some leave a file as it was and are left out."""
+"""Mutations drawn per required one: those that do not change the file are discarded."""
 
 
 def bars_of(kind: str, count: int, seed: int, listed: bool) -> list[Bar]:
-    """The counts of a kind; with `listed`, every case that is not right or refused goes to standard error."""
+    """Count the results of a kind; with `listed`, print every case that is neither right nor refused to stderr."""
     cases, counts, peak_mb, start_s = KINDS[kind][0], Counter(), 0.0, time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         drawn = count if kind == "logs" else round(SURPLUS * count)

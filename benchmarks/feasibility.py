@@ -2,14 +2,14 @@
 
     python benchmarks/feasibility.py [POLICY ...] [--json] [--drawn 80] [--seeds 1 2 3] [--jobs 2] [--project .]
 
-Known good are rollouts of policies that are known to walk: a published one of the T1, which is not part of the project
-(by default `../shared/policies/t1_walk.npz` beside the checkout, where it is), and the shipped one. A POLICY is a file,
-or a folder that holds `t1_walk.npz` or `policy.npz`. Commands are those on the axes of the command ranges and, for each
-seed, others drawn from the whole box. Each of these gets a table, and the draws of several seeds one together, without
-the axes, which limits were set with; every table has the bars. Rollouts are judged with their true contacts, without
-contacts, with those that KP2 tells, and cut into windows of half a second. Into the same rollouts each fault is planted
-once and counted if some body moved 5 cm. Criteria that a rollout is not held to have tables of their own: tracking, and
-likeness to the person (of the clips of a checkout whose `expert_db` was made).
+Known-good motion is rollouts of policies that walk: a published one of the T1, which is not part of the project (by
+default `../shared/policies/t1_walk.npz` beside the checkout, where it is), and the shipped one. A POLICY is a file, or
+a folder that holds `t1_walk.npz` or `policy.npz`. Commands are those on the axes of the command ranges and, for each
+seed, random ones from the whole box. The axes and each seed have a table; several seeds also have a joint table,
+without the axes, because limits were tuned on them. Every table has the bars. Rollouts are evaluated with their true
+contacts, without contacts, with contacts inferred by KP2, and in windows of half a second. Each fault is planted once
+into the same rollouts, and counted if some body moved by 5 cm. Criteria that do not apply to rollouts have separate
+tables: tracking, and likeness to the person (for the clips of a checkout with a materialized `expert_db`).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from pipeline.feasibility import FeasibilitySettings  # noqa: E402
 from pipeline.files import settings  # noqa: E402
 
 SEEDS = (1,)
-"""Of the draws. Which were looked at and which were held out: docs/feasibility.md, "Seeds"."""
+"""Seeds of the random commands; docs/feasibility.md, "Seeds", lists tuning and held-out seeds."""
 DEFAULT_POLICIES = (ROOT.parent / "shared" / "policies", ROOT / "robots" / "t1" / "policies" / "walk")
 
 
@@ -56,8 +56,8 @@ def main() -> int:
         file = policy_file(path)
         if file is None:
             print(
-                f"{path}: is no policy and holds none ('{PUBLISHED}' or 'policy.npz'). Known-good motion is made by "
-                "rolling out a policy that is known to walk. Name its file or folder: "
+                f"{path}: is not a policy and contains none ('{PUBLISHED}' or 'policy.npz'). Known-good motion is "
+                "made by rolling out a policy that is known to walk. Name its file or folder: "
                 "python benchmarks/feasibility.py FOLDER",
                 file=sys.stderr,
             )
@@ -76,8 +76,8 @@ def main() -> int:
 
 
 def _tables(files: list[Path], arguments: argparse.Namespace, limits: FeasibilitySettings, codes: list[str]):
-    """Title and bars of each table, when it is done: axes, every seed, the draws of all seeds where there are several;
-    then tracking and likeness."""
+    """Yield title and bars of each table: axes, each seed, and all seeds together if there are several; then tracking
+    and likeness."""
     for file in files:
         name = f"{file.parent.name}/{file.stem}"
         on_axes = _judge_all(file, commands_on_axes(), 0, limits, arguments)

@@ -1,4 +1,4 @@
-"""What is planted into motion that is known to be good, which criteria are to find it, and whether it matters."""
+"""Faults planted into known-good motion, the criteria that must find them, and whether a fault is large enough."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.simulation.mujoco_plant import self_collision
 from tests.factories.robot_faults import FAULTS as IN_TESTS
 
 MATTERS_M = 0.05
-"""Way of the body that is moved most."""
+"""Least displacement of the most displaced body [m]."""
 SIDES = ("Left", "Right")
 ARM = ("Shoulder_Pitch", "Shoulder_Roll", "Elbow_Pitch", "Elbow_Yaw")
 OVERLAP_M, TRIES = 0.04, 200
@@ -32,22 +32,22 @@ WRONG_SHARE = 0.4
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A fault that can be planted."""
+    """A kind of planted fault."""
 
     plant: Callable[[RobotClip, Robot, np.random.Generator], RobotClip]
     group: str
-    """The group of criteria that is made to find it."""
+    """Group of criteria designed to find it."""
 
 
 def displacement(before: RobotClip, after: RobotClip, robot: Robot) -> float:
-    """Way [m] of the link, hand or corner of a sole that is furthest from where it was at the same time."""
+    """Largest displacement of a link, hand or sole corner from its position at the same time [m]."""
     count = min(before.frame_count, after.frame_count)
     here, there = (_points_w(clip, robot)[:count] for clip in (before, after))
     return float(np.linalg.norm(here - there, axis=2).max())
 
 
 def matters(name: str, before: RobotClip, after: RobotClip, robot: Robot) -> bool:
-    """Whether a plant is large enough to be counted."""
+    """Whether a planted fault is large enough to be counted."""
     if name == LABELS:
         assert before.contacts is not None
         assert after.contacts is not None
@@ -65,7 +65,7 @@ def _points_w(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t p 3"]:
 
 
 def arm_in_body(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """An arm swings, within its limits, so that it lies at least 4 cm deep in the body, and back within a second."""
+    """Swing an arm, within its limits, at least 0.04 m deep into the body and back within a second."""
     side = SIDES[int(rng.integers(2))]
     arm = [robot.joint(f"{side}_{name}") for name in ARM]
     middle = int(rng.integers(clip.frame_count))
@@ -82,13 +82,13 @@ def arm_in_body(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> Robo
 
 
 def tilted(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """The whole robot tips over by 55 to 85 degrees to any side, about the ground below it, and back in two seconds."""
+    """Tilt the robot by 55 to 85 degrees in any direction about the ground below it, and back, in two seconds."""
     angle, way = np.radians(rng.uniform(55.0, 85.0)), rng.uniform(-np.pi, np.pi)
     return _tipped(clip, angle, way, int(rng.integers(clip.frame_count)))
 
 
 def crouched(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """Both legs fold, feet level and as high as they were, until the thighs are 55 to 65 degrees further, in 2 s."""
+    """Fold both legs, with feet level and at their height, until the thighs are 55 to 65 degrees further, in 2 s."""
     bend = np.radians(rng.uniform(55.0, 65.0)) * _bump(clip, int(rng.integers(clip.frame_count)), 1.0)
     joints = clip.joint_pos.copy()
     for side in SIDES:
@@ -100,7 +100,7 @@ def crouched(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotCl
 
 
 def hovering(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """It is lifted by 5 to 30 cm for .7 to 1.2 s, and its feet are told to be in the air."""
+    """Lift the robot by 0.05 to 0.3 m for 0.7 to 1.2 s, and label its feet as not in contact."""
     half = rng.uniform(0.35, 0.6)
     away = np.abs(np.arange(clip.frame_count) - int(rng.integers(clip.frame_count // 5, 4 * clip.frame_count // 5)))
     share = np.clip((half + 0.1 - away / clip.fps) / 0.1, 0.0, 1.0)
@@ -110,7 +110,7 @@ def hovering(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotCl
 
 
 def carried_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """It is carried off at 5 to 8 m/s for half a second, to any side."""
+    """Move the robot at 5 to 8 m/s for half a second in any direction."""
     speed, way = rng.uniform(5.0, 8.0), rng.uniform(-np.pi, np.pi)
     share = _bump(clip, int(rng.integers(clip.frame_count // 5, 4 * clip.frame_count // 5)), 0.5)
     gone = np.cumsum(speed * share)[:, None] / clip.fps * np.array([np.cos(way), np.sin(way), 0.0])
@@ -118,7 +118,7 @@ def carried_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> Robo
 
 
 def spun(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """It turns about the vertical at 9 to 14 rad/s at most, within a second."""
+    """Rotate the robot about the vertical, at a peak of 9 to 14 rad/s, within a second."""
     rate = rng.uniform(9.0, 14.0) * (1.0 if rng.random() < 0.5 else -1.0)
     middle = int(rng.integers(clip.frame_count // 5, 4 * clip.frame_count // 5))
     turn = rotation.about_z(np.cumsum(rate * _bump(clip, middle, 0.5)) / clip.fps)
@@ -128,7 +128,7 @@ def spun(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
 
 
 def shaken_joints(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """Every controlled joint trembles by .25 to .4 rad at 7 to 9 Hz, each in its own phase."""
+    """Shake every controlled joint by 0.25 to 0.4 rad at 7 to 9 Hz, with random phases."""
     times_s = np.arange(clip.frame_count)[:, None] / clip.fps
     moved = robot.controlled_index
     phase, rate = rng.uniform(0.0, 2.0 * np.pi, len(moved)), rng.uniform(7.0, 9.0, len(moved))
@@ -138,7 +138,7 @@ def shaken_joints(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> Ro
 
 
 def shaken_root(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """The whole robot is shaken by 5 to 10 cm at 4 to 6 Hz, along any horizontal line."""
+    """Shake the robot by 0.05 to 0.1 m at 4 to 6 Hz, along any horizontal direction."""
     times_s, way = np.arange(clip.frame_count) / clip.fps, rng.uniform(-np.pi, np.pi)
     swing = rng.uniform(0.05, 0.1) * np.sin(2.0 * np.pi * rng.uniform(4.0, 6.0) * times_s + rng.uniform(0.0, 6.0))
     root = clip.root_pos_w + swing[:, None] * np.array([np.cos(way), np.sin(way), 0.0])
@@ -146,14 +146,14 @@ def shaken_root(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> Robo
 
 
 def skating(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """The robot is carried along at 1 to 2 m/s beside its own motion, feet and all, from start to end."""
+    """Add 1 to 2 m/s to the robot's own motion, including the feet, from start to end."""
     speed, way = rng.uniform(1.0, 2.0), rng.uniform(-np.pi, np.pi)
     gone = speed * np.arange(clip.frame_count)[:, None] / clip.fps * np.array([np.cos(way), np.sin(way), 0.0])
     return dataclasses.replace(clip, root_pos_w=clip.root_pos_w + gone)
 
 
 def labels_exchanged(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """The left foot's contacts are the right one's, and the other way."""
+    """Exchange the contact labels of the left and the right foot."""
     contacts = None if clip.contacts is None else clip.contacts[:, ::-1].copy()
     return dataclasses.replace(clip, contacts=contacts)
 
@@ -173,7 +173,7 @@ def _with_joints(clip: RobotClip, joints: list[int], values: np.ndarray) -> Robo
 
 
 def _bump(clip: RobotClip, middle: int, half_s: float) -> Float[np.ndarray, " t"]:
-    """From 0 to 1 at a frame and back to 0, smoothly, in twice `half_s` [s]."""
+    """Smooth bump from 0 to 1 at a frame and back to 0, of duration 2 `half_s` [s]."""
     away = np.abs(np.arange(clip.frame_count) - middle) / clip.fps
     return 0.5 + 0.5 * np.cos(np.pi * np.clip(away / half_s, 0.0, 1.0))
 

@@ -1,4 +1,4 @@
-"""Walks that are known to be good, what KP5 says of them, and whether it finds what is planted into them."""
+"""Known-good walks, their evaluation by KP5, and whether it finds the faults planted into them."""
 
 from __future__ import annotations
 
@@ -34,61 +34,61 @@ PUBLISHED = "t1_walk.npz"
 NAMES = (PUBLISHED, "policy.npz")
 """A policy's file in its folder."""
 SECONDS, START_S, TIMESTEP_S = 7.0, 1.0, 0.005
-"""Length of a rollout and what is left out of its start, where it sets off; physics step [s]."""
+"""Length of a rollout, length of the excluded start, and physics step [s]."""
 WINDOW_S = 0.5
-"""Short windows: the shortest that the selection makes [s]."""
+"""Length of short windows, the shortest of the selection [s]."""
 RUN_SPEED = 1.3
-"""Playing a walk twice as fast is a fault from this speed on [m/s]: half of it can be walked at twice the speed."""
+"""Speed above which double playback speed is a fault [m/s]; slower walks remain feasible at twice their speed."""
 STILL = 0.3
-"""Slower commands [m/s, rad/s] get no faults."""
+"""Commands below this get no faults [m/s, rad/s]."""
 SWAPPED = "feet swapped"
-"""No fault of a robot that stands, whatever its command: the mirrored pose stands as well."""
+"""Not a fault for a standing robot, because its mirrored pose stands as well."""
 NO_LABELS, TOLD_LABELS = ", no labels", ", KP2's labels"
-"""Rollouts and faults are judged with the simulation's contacts, with none, and with those that KP2 tells."""
+"""Contact labels for the evaluation: those of the simulation, none, and those inferred by KP2."""
 
 
 @dataclass
 class Judged:
-    """What was said of one rollout and of the faults planted into it."""
+    """Evaluation of one rollout and of the faults planted into it."""
 
     fell: bool = False
     labelled: tuple[bool, float] = (False, 0.0)
-    """Accepted whole, and share of its seconds accepted."""
+    """Whether the whole rollout is accepted, and the accepted share of its duration."""
     unlabelled: bool = False
     told: bool = False
-    """Accepted whole with no contacts, and with those that KP2 tells."""
+    """Whether the whole rollout is accepted without contacts, and with contacts inferred by KP2."""
     windows: list[bool] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
-    """Criteria that the rollout as a whole breaks, with labels of any kind or without."""
+    """Criteria that the whole rollout violates, with labels of any kind or without."""
     found: dict[str, set[str]] = field(default_factory=dict)
-    """Fault -> criteria that say so and say nothing of the rollout itself; none if it was not found."""
+    """Fault -> criteria violated with it but not by the rollout itself; empty if it was not found."""
     small: list[str] = field(default_factory=list)
-    """Faults that moved no body far enough to matter."""
+    """Faults with too small a displacement to count."""
 
 
 def policy_file(path: Path) -> Path | None:
-    """The policy that a path names: a file, or a folder that has one. None if it names none."""
+    """Find the policy at a path: a file, or a folder that contains one; None if there is none."""
     if path.is_file():
         return path
     return next((path / name for name in NAMES if (path / name).is_file()), None)
 
 
 def commands_on_axes() -> list[Command]:
-    """Commands on the axes of the command ranges: vx -.6 to 2.0 m/s, vy +-.6 m/s, yaw +-1.5 rad/s."""
+    """Commands on the axes of the command ranges: vx -0.6 to 2.0 m/s, vy +-0.6 m/s, yaw +-1.5 rad/s."""
     axes: list[Command] = [(float(forward), 0.0, 0.0) for forward in np.arange(-0.6, 2.01, 0.2)]
     axes += [(0.0, lateral, 0.0) for lateral in (-0.6, -0.45, 0.45, 0.6)]
     return axes + [(0.0, 0.0, yaw) for yaw in (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)]
 
 
 def drawn_commands(count: int, seed: int) -> list[Command]:
-    """Commands drawn evenly from the whole box of the ranges."""
+    """Draw commands uniformly from the whole box of the ranges."""
     rng = np.random.default_rng(seed)
     low, high = np.array([-0.6, -0.6, -1.5]), np.array([2.0, 0.6, 1.5])
     return [tuple(rng.uniform(low, high).tolist()) for _ in range(count)]
 
 
 def walk(policy: Path, robot: Robot, command: Command) -> Rollout:
-    """A policy's rollout by a constant command from rest, at the robot's torque limits."""
+    """Roll out a policy with a constant command from rest, at the robot's torque limits."""
     if policy.name == PUBLISHED:
         return policy_walk(policy.parent, robot, command, SECONDS)
     one = deployed(ROBOT, load_policy(policy))
@@ -104,7 +104,7 @@ def judge(
     limits: FeasibilitySettings,
     planted: Collection[str] = tuple(FAULTS),
 ) -> Judged:
-    """A rollout by a command, as it is and with each fault that is `planted`."""
+    """Evaluate a rollout at a command, unchanged and with each fault of `planted`."""
     robot, rng = load_robot("t1"), np.random.default_rng(seed)
     rollout = walk(policy, robot, command)
     if rollout.fell:
@@ -129,21 +129,21 @@ def judge(
 
 
 def by_labels(clip: RobotClip, robot: Robot) -> dict[str, RobotClip]:
-    """The clip with its own contacts, with none, and with those that KP2 tells."""
+    """The clip with its own contacts, without contacts, and with contacts inferred by KP2."""
     bare = dataclasses.replace(clip, contacts=None)
     told = dataclasses.replace(clip, contacts=label_robot_contacts(bare, robot))
     return {"": clip, NO_LABELS: bare, TOLD_LABELS: told}
 
 
 def stands(clip: RobotClip) -> bool:
-    """Whether a robot stands, as the balance of the database has it."""
+    """Whether a robot stands, by the definition of the database's skill balance."""
     velocity = command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)
     speed = np.hypot(velocity.forward_m_s, velocity.lateral_m_s)
     return bool(speed < COMMANDS.standing_m_s and abs(velocity.yaw_rate_rad_s) < COMMANDS.standing_rad_s)
 
 
 def _judged(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> tuple[bool, float, set[str]]:
-    """Whether a clip is accepted whole, the share of its seconds that is, and the criteria that it breaks."""
+    """Whether a whole clip is accepted, the accepted share of its duration, and the violated criteria."""
     outcome = process(clip, {}, settings=limits, robot=robot)
     share = sum(piece.clip.frame_count for piece in outcome.pieces) / clip.frame_count
     codes = {reason.code for reason in outcome.reasons} - {"too_short"}
@@ -159,7 +159,7 @@ def _faults(
     found: Judged,
     names: Collection[str],
 ) -> None:
-    """Each fault once, judged with labels of every kind."""
+    """Plant each fault once and evaluate it with contact labels of every kind."""
     for name, fault in ((name, fault) for name, fault in FAULTS.items() if name in names):
         slow = name == "double speed" and command[0] < RUN_SPEED
         if slow or (name in (SWAPPED, LABELS) and stands(clip)):
@@ -174,5 +174,5 @@ def _faults(
 
 
 def _broken(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> set[str]:
-    """Criteria that a clip breaks as a whole."""
+    """Criteria that the whole clip violates."""
     return {verdict.code for verdict in assess(motion_of(clip, robot, limits), limits).broken}

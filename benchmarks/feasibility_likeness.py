@@ -1,7 +1,7 @@
-"""Both rates of KP3's figures, which hold a retargeted clip against the person: clips as they are, and changed ones.
+"""Both error rates of KP3's likeness metrics, which compare a retargeted clip with the person.
 
-Known good are the shipped motions as KP3 retargets them; of each fault one is planted into every clip, and counts where
-some body moved 5 cm. Clips are those of a checkout whose `expert_db` has been made.
+Known-good motion is the shipped motions as KP3 retargets them. Each fault is planted once into every clip, and counts
+if some body moved by 0.05 m. Needs a checkout with a materialized `expert_db`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SIDES = ("Left", "Right")
 
 
 def likeness_bars(project: Path, limits: FeasibilitySettings, seed: int, least: float) -> list[Bar]:
-    """Clips as they are have to hold every figure; changed ones have to break one. Raises FileError without clips."""
+    """Unchanged clips must pass every metric, changed clips must fail one. Raises FileError without clips."""
     store = Store(root=project / "data" / "store")
     people = {entry.clip: entry for entry in store.load("repaired_motions").entries}
     rng, robot = np.random.default_rng(seed), load_robot("t1")
@@ -58,45 +58,45 @@ def likeness_bars(project: Path, limits: FeasibilitySettings, seed: int, least: 
 
 
 def sliding(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """Carried along at .1 to .3 m/s, feet and all."""
+    """Add 0.1 to 0.3 m/s to the whole body, including the feet."""
     return _carried(clip, rng.uniform(0.1, 0.3) * np.arange(clip.frame_count) / clip.fps, rng)
 
 
 def swaying(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """Swayed by 5 to 10 cm at .5 to 1 Hz, feet and all."""
+    """Sway the whole body by 0.05 to 0.1 m at 0.5 to 1 Hz, including the feet."""
     phase = 2.0 * np.pi * rng.uniform(0.5, 1.0) * np.arange(clip.frame_count) / clip.fps
     return _carried(clip, rng.uniform(0.05, 0.1) * np.sin(phase), rng)
 
 
 def sinking(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """5 to 8 cm lower for a second."""
+    """Lower the robot by 0.05 to 0.08 m for a second."""
     away = np.abs(np.arange(clip.frame_count) - int(rng.integers(clip.frame_count))) / clip.fps
     share = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / 0.5, 0.0, 1.0))
     return _lifted(clip, -rng.uniform(0.05, 0.08) * share)
 
 
 def floating(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """5 to 8 cm too high throughout."""
+    """Raise the robot by 0.05 to 0.08 m throughout."""
     return _lifted(clip, np.full(clip.frame_count, rng.uniform(0.05, 0.08)))
 
 
 def arms_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """Both upper arms point .7 to 1 rad elsewhere."""
+    """Rotate both upper arms by 0.7 to 1 rad."""
     return _turned(clip, robot, "Shoulder_Pitch", rng.uniform(0.7, 1.0))
 
 
 def thighs_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """Both thighs point .25 to .4 rad elsewhere, and with them what hangs on them."""
+    """Rotate both thighs, with their child links, by 0.25 to 0.4 rad."""
     return _turned(clip, robot, "Hip_Pitch", -rng.uniform(0.25, 0.4))
 
 
 def shanks_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """Both shanks point .25 to .4 rad elsewhere."""
+    """Rotate both shanks by 0.25 to 0.4 rad."""
     return _turned(clip, robot, "Knee_Pitch", rng.uniform(0.25, 0.4))
 
 
 def trunk_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """The trunk is tilted forward by .25 to .4 rad, the legs are as they were."""
+    """Tilt the trunk forward by 0.25 to 0.4 rad, with unchanged legs."""
     angle = rng.uniform(0.25, 0.4)
     tilt = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.full(clip.frame_count, angle))
     tilted = dataclasses.replace(clip, root_quat_w=rotation.multiply(clip.root_quat_w, tilt))
@@ -104,7 +104,7 @@ def trunk_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotC
 
 
 def heading_off(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """The whole robot heads .25 to .4 rad elsewhere."""
+    """Rotate the heading of the whole robot by 0.25 to 0.4 rad."""
     turn = rotation.about_z(np.full(clip.frame_count, rng.uniform(0.25, 0.4)))
     return dataclasses.replace(clip, root_quat_w=rotation.multiply(turn, clip.root_quat_w))
 
@@ -120,7 +120,7 @@ PLANTS = {
     "a trunk that is tilted": (trunk_off, "trunk_error_deg"),
     "another heading": (heading_off, "heading_error_deg"),
 }
-"""Fault -> how it is planted, and the figure that is made to find it."""
+"""Fault -> function that plants it, and the metric designed to find it."""
 
 
 def _carried(clip: RobotClip, way: np.ndarray, rng: np.random.Generator) -> RobotClip:

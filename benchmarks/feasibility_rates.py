@@ -1,4 +1,4 @@
-"""Rates as bars, and the two tables of the rollouts: what is known to be good, and what was planted into it."""
+"""Rates as bars, and the two tables of rollouts: known-good motion and planted faults."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ ELSEWHERE = ("tracking stability", "torque", "contact forces", "likeness to the 
 """Groups of criteria that the walks are not checked against: other tables have them, and no forces are recorded."""
 
 LEAST = 98.0
-"""Per cent of either kind that have to be judged rightly."""
+"""Least share of correct verdicts, for known-good motion and for faults [%]."""
 
 
 def rate(name: str, values: Sequence[bool | float], least: float | None = None) -> Bar:
-    """The mean of values as per cent, which has to be `least` or more. Of none it is not measured, and holds no bar."""
+    """Mean of the values in per cent, which must be `least` or more; without values, the bar fails as not measured."""
     value = 100.0 * float(np.mean(values)) if len(values) else math.nan
     told = name if len(values) else f"{name}: not measured"
     return Bar(name=told, value=value, unit="%", sense=">=" if least is not None else "", bound=least)
 
 
 def _counted(name: str, values: Sequence[bool]) -> Bar:
-    """A rate that has to be LEAST, whose name bears how many of how many."""
+    """A rate that must be LEAST or more, with the counts in its name."""
     return rate(f"{name} ({sum(values)} of {len(values)})", values, LEAST)
 
 
 def criteria() -> list[str]:
-    """Codes of the criteria that a walk is held to, in their order. Tracking and likeness have tables of their own; of
-    forces nothing is asked, as these walks are judged as recordings that have none."""
+    """Codes of the criteria for walks, in order. Tracking and likeness have separate tables; force criteria do not
+    apply, because these walks are evaluated as recordings without forces."""
     elsewhere = {code for name in ELSEWHERE for code in groups()[name]}
     return [code for code in criterion.codes() if code not in elsewhere]
 
 
 def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
-    """Known-good motion: accepted, and how many hold each criterion; who fell did not walk, and is told."""
+    """Known-good motion: accepted share, and share that passes each criterion; falls are excluded and reported."""
     fallen, judged = sum(one.fell for one in judged), [one for one in judged if not one.fell]
     windows = [held for one in judged for held in one.windows]
     without, told = [one.unlabelled for one in judged], [one.told for one in judged]
@@ -61,9 +61,9 @@ def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
 
 
 def fault_bars(judged: list[Judged], asked: Collection[str] = ()) -> list[Bar]:
-    """Planted faults that matter: found at all, by the criteria made for them, and by which criterion.
+    """Planted faults that are large enough: found by any criterion, by the designed group, and by each criterion.
 
-    A fault that was `asked` for and is in no rollout, or matters in none, was not measured.
+    A fault in `asked` that is in no rollout, or is too small in all, counts as not measured.
     """
     found: dict[str, list[set[str]]] = defaultdict(list, {kind: [] for fault in asked for kind in _kinds(fault)})
     for one in judged:
@@ -83,18 +83,18 @@ def fault_bars(judged: list[Judged], asked: Collection[str] = ()) -> list[Bar]:
 
 
 def _kinds(fault: str) -> list[str]:
-    """A fault with labels of each kind that it is judged with."""
+    """Names of a fault with each kind of contact labels."""
     return [fault] if fault == LABELS else [fault + kind for kind in ("", NO_LABELS, TOLD_LABELS)]
 
 
 def group_of(fault: str) -> str:
-    """The group of criteria that is made to find a fault, with labels of any kind or none."""
+    """Group of criteria designed to find a fault, with labels of any kind or none."""
     name = fault.removesuffix(NO_LABELS).removesuffix(TOLD_LABELS)
     return FAULTS[name].group
 
 
 def _group_bars(group: str, each: list[set[str]]) -> list[Bar]:
-    """Of all plants that a group of criteria is made for: found by it, and by each criterion of it."""
+    """Share of the faults for a group of criteria that the group finds, and that each of its criteria finds."""
     own = set(groups()[group])
     bars = [rate(f"{group}: found, of {len(each)} made for it", [bool(codes & own) for codes in each])]
     return bars + [rate(f"    by {code}", [code in codes for codes in each]) for code in groups()[group]]

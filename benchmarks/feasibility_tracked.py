@@ -1,9 +1,9 @@
-"""Both rates of the criteria of tracking: motion that a robot tracks in MuJoCo, and divergence, planted or simulated.
+"""Both error rates of the tracking criteria: motion tracked in MuJoCo, and planted or simulated divergence.
 
-The robot stands and swings its arms, each joint by an angle and at a rate of its own, held by PD control alone; half of
-the robots are pushed and come back. It diverges where its ankles are as soft as its own or its legs too weak, and it
-falls; the other faults are planted into the rollout. They count where some body is .25 m or more from where it was:
-good tracking is up to .1 m off, so 5 cm are none.
+The robot stands and swings its arms by PD control alone, each joint with its own amplitude and frequency; half of the
+rollouts have a push and recover. With the robot's own, soft ankle gains or with too weak legs it falls, which is the
+simulated divergence; other faults are planted into the rollout. A fault counts if some body is displaced by 0.25 m or
+more: good tracking has errors up to 0.1 m.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from tests.factories.tracked_motion import tracked
 CODES = tuple(each.code for each in CRITERIA)
 SECONDS = 6.0
 MATTERS_M = 0.25
-"""BeyondMimic's bound on the height of hands and feet, for the way of any body."""
+"""BeyondMimic's bound on the height error of hands and feet, here for the displacement of any body [m]."""
 SIDES, ARM = ("Left", "Right"), ("Shoulder_Pitch", "Shoulder_Roll", "Elbow_Pitch", "Elbow_Yaw")
 SWING, RATE_HZ = (0.1, 0.5), (0.2, 0.7)
-"""Of each arm's joints: angle [rad] and how often."""
+"""Amplitude [rad] and frequency of each arm joint."""
 SHOVE_N = (10.0, 40.0)
 
 
 def tracking_bars(limits: FeasibilitySettings, count: int, seed: int, least: float) -> list[Bar]:
-    """Rollouts that track are to hold every criterion; divergence that matters is to break one."""
+    """Tracking rollouts must pass every criterion; large enough divergence must violate one."""
     rng, robot = np.random.default_rng(seed), load_robot("t1")
     good: list[set[str]] = []
     found: dict[str, list[set[str]]] = {}
@@ -52,7 +52,7 @@ def tracking_bars(limits: FeasibilitySettings, count: int, seed: int, least: flo
         plants["ankles too soft, in simulation"] = tracked(robot, reference, ankles=1.0).clip("rollout")
         plants["legs too weak, in simulation"] = tracked(_weak(robot, rng), reference).clip("rollout")
         for name, planted in plants.items():
-            found.setdefault(name, [])  # a fault that never matters is not measured, and fails
+            found.setdefault(name, [])  # a fault that is always too small counts as not measured, and fails
             if displacement(rollout, planted, robot) >= MATTERS_M:
                 found[name].append(_broken(planted, reference, robot, limits) - good[-1])
     bars = [Bar(name="rollouts that fell when they were pushed, left out", value=fallen)]
@@ -65,7 +65,7 @@ def tracking_bars(limits: FeasibilitySettings, count: int, seed: int, least: flo
 
 
 def swinging(robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """It stands and every joint of its arms swings to one side and back, from rest."""
+    """Reference of a standing robot whose arm joints swing to one side and back, from rest."""
     clip = standing(robot, SECONDS, name="swing")
     times_s = np.arange(clip.frame_count) / clip.fps
     joints = clip.joint_pos.copy()
@@ -77,14 +77,14 @@ def swinging(robot: Robot, rng: np.random.Generator) -> RobotClip:
 
 
 def drifting_arm(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """An arm goes off by .8 to 1.2 rad at the end, ever further."""
+    """Let an arm drift by 0.8 to 1.2 rad until the end."""
     side, sign = (("Left", -1.0), ("Right", 1.0))[int(rng.integers(2))]
     way = sign * np.linspace(0.0, rng.uniform(0.8, 1.2), clip.frame_count)
     return _shifted(clip, robot.joint(f"{side}_Shoulder_Roll"), way)
 
 
 def arm_elsewhere(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """From some second on an arm is .8 to 1.2 rad elsewhere."""
+    """Offset an arm by 0.8 to 1.2 rad from some time on."""
     side = SIDES[int(rng.integers(2))]
     start = int(rng.integers(clip.frame_count // 4, 3 * clip.frame_count // 4))
     way = np.where(np.arange(clip.frame_count) >= start, rng.uniform(0.8, 1.2), 0.0)
@@ -92,7 +92,7 @@ def arm_elsewhere(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> Ro
 
 
 def root_too_low(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """From some second on the root is 28 to 40 cm lower than that of what is tracked."""
+    """Lower the root by 0.28 to 0.4 m from some time on."""
     start = int(rng.integers(clip.frame_count // 4, 3 * clip.frame_count // 4))
     root = clip.root_pos_w.copy()
     root[start:, 2] -= rng.uniform(0.28, 0.4)
@@ -119,7 +119,7 @@ def _pushes(rng: np.random.Generator) -> tuple[Push, ...]:
 
 
 def _weak(robot: Robot, rng: np.random.Generator) -> Robot:
-    """The robot with legs that can't carry it."""
+    """The robot with legs too weak to carry it."""
     legs = [index for index, name in enumerate(robot.joint_names) if "Hip" in name or "Knee" in name]
     limit = robot.torque_limit.copy()
     limit[legs] = rng.uniform(1.0, 3.0)

@@ -1,4 +1,4 @@
-"""GMR beside the project: the same handed-on human clips through it, in an environment of its own.
+"""GMR for comparison: the same repaired human clips retargeted by GMR, in a separate Python environment.
 
 GMR takes the joints of a LAFAN1 BVH file, global, z up. A repaired clip is in canonical frames; each body's constant
 rotation from its joint's frame in the file (the skeleton map's rest frame) is taken back out.
@@ -37,10 +37,10 @@ BODIES = {
     "LeftHand": "left_wrist",
     "RightHand": "right_wrist",
 }
-"""GMR's names of the bodies that it follows."""
+"""GMR's names of the tracked bodies."""
 
 FEET = {"LeftFootMod": ("left_ankle", "left_toe"), "RightFootMod": ("right_ankle", "right_toe")}
-"""Its feet: position of the first, orientation of the second."""
+"""GMR's feet: position from the first body, orientation from the second."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +48,14 @@ class Gmr:
     """Where GMR is installed."""
 
     python: Path
-    """Interpreter of its environment."""
+    """Python interpreter of its environment."""
     repo: Path
     """Its repository, checked out."""
 
     def retarget(
         self, human: HumanClip, file: Path, robot: Robot, repeat: int = 0
     ) -> tuple[RobotClip, tuple[float, ...]]:
-        """GMR's motion for a clip of the BVH `file`, and its processor seconds in each of `repeat` further runs."""
+        """Retarget a clip of the BVH `file` with GMR; return it, and the CPU time of `repeat` further runs [s]."""
         names, pos_w, quat_w = joints_of(human, file)
         with tempfile.TemporaryDirectory() as folder:
             source, out = Path(folder) / "human.npz", Path(folder) / "robot.npz"
@@ -82,7 +82,7 @@ def joints_of(human: HumanClip, file: Path) -> tuple[list[str], np.ndarray, np.n
 
 
 def _clip(human: HumanClip, qpos: np.ndarray, joints: list[str], robot: Robot) -> RobotClip:
-    """The robot's clip; joints that GMR's model does not have (the head's) stay where they are by default."""
+    """Build the robot clip; joints that GMR's model lacks (the head's) keep their default position."""
     joint_pos = np.tile(robot.default_joint_pos, (len(qpos), 1))
     for column, name in enumerate(joints):
         joint_pos[:, robot.joint(name)] = qpos[:, 7 + column]

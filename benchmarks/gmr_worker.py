@@ -1,5 +1,5 @@
 """Runs GMR (General Motion Retargeting) on prepared human frames. Started by `retarget.py` with the Python of an
-environment in which `mink`, `mujoco`, `daqp` and `qpsolvers` are; nothing of the project is imported here.
+environment in which `mink`, `mujoco`, `daqp` and `qpsolvers` are installed; it imports nothing of the project.
 
     gmr_worker.py GMR_REPO IN.npz OUT.npz REPEAT
 
@@ -41,7 +41,7 @@ def load(repo: Path) -> tuple[Any, list[str]]:
     """GMR's retargeter for BVH and T1, and the joints behind the free one in the order of qpos."""
     package = types.ModuleType("general_motion_retargeting")
     package.__path__ = [str(repo / "general_motion_retargeting")]
-    sys.modules["general_motion_retargeting"] = package  # its __init__ would import the viewer
+    sys.modules["general_motion_retargeting"] = package  # GMR's __init__ would import the viewer
     from general_motion_retargeting import (  # pyright: ignore[reportMissingImports]  # lives in GMR's own environment
         motion_retarget,
         params,

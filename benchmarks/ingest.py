@@ -1,10 +1,10 @@
-"""Speed and memory of the ingest of logs, and what becomes of 300 damaged ones.
+"""Speed and memory of log ingest, and results for 300 damaged logs.
 
     python benchmarks/ingest.py [--minutes 10] [--json]
 
 A log of ten minutes at 500 Hz, with commands at 50 Hz and at 500 Hz, is ingested by one process on one core: read,
 checked, decoded, made regular, written as Parquet. Memory is the process's peak over what it had with all libraries
-loaded. Each is done three times, the fastest counts: others use the machine.
+loaded. Each is done three times and the fastest counts, because other programs use the machine.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LOGS = {"commands at 50 Hz": 50.0, "commands at 500 Hz": 500.0}
 
 
 def ingested(folder: Path) -> tuple[list[dict], dict]:
-    """What a process of its own says of each log of a folder, and of itself."""
+    """Ingest each log of a folder in a separate process; return its results and its memory."""
     worker = [sys.executable, str(ROOT / "benchmarks/ingest_worker.py"), str(folder), str(folder.parent / "out")]
     done = subprocess.run(worker, capture_output=True, text=True, check=True)
     *each, process = map(json.loads, done.stdout.splitlines())
@@ -42,7 +42,7 @@ def ingested(folder: Path) -> tuple[list[dict], dict]:
 
 
 def speed_bars(minutes: float, folder: Path) -> list[Bar]:
-    """Messages a second, and the memory of long logs against that of short ones."""
+    """Messages per second, and memory of long logs compared with short ones."""
     robot, bars = load_robot("t1"), []
     for name, command_hz in LOGS.items():
         peaks, speeds = [], []
@@ -64,7 +64,7 @@ def speed_bars(minutes: float, folder: Path) -> list[Bar]:
 
 
 def clean_trial(folder: Path, seconds: float) -> Trial:
-    """The trial of the log that is damaged, before it was."""
+    """Trial of the undamaged log."""
     (folder / "clean").mkdir(parents=True)
     write_mcap(folder / "clean/clean.mcap", robot_log(load_robot("t1"), seconds))
     (each,), _ = ingested(folder / "clean")
@@ -72,7 +72,7 @@ def clean_trial(folder: Path, seconds: float) -> Trial:
 
 
 def damage_bars(each: int, folder: Path) -> list[Bar]:
-    """Silent wrong data, marks, sentences and memory over `each` files of ten kinds of damage."""
+    """Silently wrong data, marks, messages and memory over `each` files of ten kinds of damage."""
     seconds = 2.0
     logs = damaged_logs(load_robot("t1"), SEED, each, seconds)
     paths = write_all(folder / "logs", logs)

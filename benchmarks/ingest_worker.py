@@ -1,4 +1,4 @@
-"""Ingests the logs of a folder in a process of its own and says what became of each, and what memory it took.
+"""Ingest the logs of a folder in a separate process; print the result of each, and the memory.
 
 python benchmarks/ingest_worker.py FOLDER OUT
 """
@@ -22,14 +22,14 @@ from pipeline.robot import load_robot  # noqa: E402
 
 
 def peak_mb() -> float:
-    """Largest resident memory of this program so far; the system's own count would include the one that started it."""
+    """Peak resident memory of this program; the system's counter would include the parent process."""
     lines = Path("/proc/self/status").read_text().splitlines()
     (peak,) = [line.split()[1] for line in lines if line.startswith("VmHWM")]
     return float(peak) / 1024.0
 
 
 def main() -> None:
-    """One JSON object a file, then one of the process."""
+    """Write one JSON object per file, then one for the process."""
     folder, out = Path(sys.argv[1]), Path(sys.argv[2])
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])

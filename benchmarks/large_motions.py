@@ -1,4 +1,4 @@
-"""Large motion files of every format that is read: a short motion again and again."""
+"""Large motion files of every supported format: a short motion, repeated."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from tests.factories.robot_logs import noisy_log
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAMES = 200
-"""Frames of the motion that is repeated."""
+"""Frames of the repeated motion."""
 
 
 def write_large(name: str, megabytes: float, folder: Path) -> Path:
-    """A file of a format of `WRITERS` of about `megabytes`; what belongs to it is beside it."""
+    """Write a file of about `megabytes` in a format of `WRITERS`, with its companion files beside it."""
     return WRITERS[name](folder, megabytes * 1e6)
 
 
@@ -37,7 +37,7 @@ def _bvh(folder: Path, size: float) -> Path:
 
 
 def _split(text: str, mark: str) -> tuple[str, list[str]]:
-    """What comes up to the end of the line with a mark, and the lines below it."""
+    """Split a text after the line with a mark: head, and the lines below."""
     end = text.index("\n", text.index(mark)) + 1
     return text[:end], text[end:].splitlines(keepends=True)
 
@@ -264,4 +264,4 @@ WRITERS: dict[str, Callable[[Path, float], Path]] = {
     "c3d": _c3d,
     "mcap": _mcap,
 }
-"""Format -> writer of a file of about so many bytes into a folder."""
+"""Format -> function that writes a file of about a number of bytes into a folder."""

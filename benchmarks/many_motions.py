@@ -1,6 +1,6 @@
-"""Many different clips out of the shipped motions: stretches cut at different frames, each moved by its own shift.
+"""Many different clips from the shipped motions: segments cut at different frames, each shifted differently.
 
-No two have the same content, so neither the memo nor the blob store can serve one with the work of another.
+No two have the same content, so neither memo nor blob store can reuse results between them.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ STRETCH_S = 2.5
 START_STEP = 7
 """Frames between the starts of two clips of one motion; the starts wrap at its end."""
 SHIFT_CM = 0.1
-"""Two clips of one motion lie this far apart, or a multiple of it (the shipped files are in cm)."""
+"""Shift between clips of one motion, or a multiple of it (the shipped files are in cm)."""
 ROOT_CHANNELS = "CHANNELS 6 Xposition Yposition Zposition"
 COPY_SHIFT_CM = 10.0
-"""Two copies of a recording lie this far apart, or a multiple of it."""
+"""Shift between copies of a recording, or a multiple of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,33 +27,33 @@ class Motion:
 
     name: str
     head: str
-    """All before the line `Frames:`."""
+    """Text before the line `Frames:`."""
     frame_time_s: float
     frames: tuple[str, ...]
 
     @property
     def stretch(self) -> int:
-        """Frames of a clip that is cut from it."""
+        """Frames of a clip cut from the motion."""
         return round(STRETCH_S / self.frame_time_s) + 1
 
     def clip(self, number: int, shift_cm: float) -> str:
-        """BVH text of one stretch of it, moved along the file's x axis."""
+        """BVH text of one segment, shifted along the file's x axis."""
         start = (number * START_STEP) % (len(self.frames) - self.stretch + 1)
         lines = [_moved(line, shift_cm) for line in self.frames[start : start + self.stretch]]
         return f"{self.head}Frames: {len(lines)}\nFrame Time: {self.frame_time_s:.9f}\n" + "\n".join(lines) + "\n"
 
 
 def write_moved(motion: Motion, folder: Path) -> None:
-    """Write a whole motion under its own name, moved to another place."""
+    """Write a whole motion under its own name, shifted."""
     lines = [_moved(line, SHIFT_CM) for line in motion.frames]
     head = f"{motion.head}Frames: {len(lines)}\nFrame Time: {motion.frame_time_s:.9f}\n"
     (folder / f"{motion.name}.bvh").write_text(head + "\n".join(lines) + "\n")
 
 
 def write_copies(recordings: Path, seconds: float, folder: Path) -> tuple[int, float]:
-    """Write all BVH recordings of a folder again and again, each copy moved, until they are so long together [s].
+    """Write shifted copies of all BVH recordings of a folder until they have a total length [s].
 
-    The number of files, and their length [s].
+    Returns the number of files, and their length [s].
     """
     folder.mkdir(parents=True, exist_ok=True)
     motions, written, count = [_read(path) for path in sorted(recordings.glob("*.bvh"))], 0.0, 0
@@ -67,7 +67,7 @@ def write_copies(recordings: Path, seconds: float, folder: Path) -> tuple[int, f
 
 
 def sound_motions(folder: Path) -> list[Motion]:
-    """The shipped motions whose sidecars tell of no planted defect, by name. Raises ValueError for an unknown head."""
+    """The shipped motions whose sidecars list no planted defect, by name. Raises ValueError for an unknown head."""
     paths = sorted(path for path in folder.glob("*.bvh") if "defects" not in read_yaml(path.with_suffix(".yaml")))
     return [_read(path) for path in paths]
 
@@ -78,14 +78,14 @@ def file_name(motions: list[Motion], index: int) -> str:
 
 
 def write_clip(motions: list[Motion], index: int, folder: Path, *, changed: bool = False) -> None:
-    """Write the clip with a number; `changed` moves it to a place where no other clip is."""
+    """Write the clip with a number; `changed` shifts it to a position of no other clip."""
     number = index // len(motions)
     shift_cm = -SHIFT_CM if changed else SHIFT_CM * number
     (folder / file_name(motions, index)).write_text(motions[index % len(motions)].clip(number, shift_cm))
 
 
 def write_clips(motions: list[Motion], count: int, folder: Path) -> float:
-    """Write `count` different clips, the motions in turns; their length together [s]."""
+    """Write `count` different clips, cycling through the motions; return their total length [s]."""
     folder.mkdir(parents=True, exist_ok=True)
     for index in range(count):
         write_clip(motions, index, folder)

@@ -1,13 +1,13 @@
-"""Time and memory of the README's command, stage by stage, over few and many clips.
+"""Time and memory of the README's command per stage, for few and many clips.
 
     python benchmarks/pipeline.py [--sizes 10,100] [--repeat 1] [--no-shipped] [--json] [--keep FOLDER]
     python benchmarks/pipeline.py --recordings ../shared/mocap/lafan1_60fps [--minutes 60] [--no-rollouts]
 
-In a checkout of its own the command `dagster asset materialize --select expert_db` runs over so many different clips,
-cut from the shipped sound motions: cold, repeated with nothing changed, and with one clip changed. Durations are those
-of Dagster's history, memory and processor time are sampled over all processes. docs/benchmarks.md tells what the
-numbers mean. With `--recordings` the command runs cold, once, over copies of the BVH files of a folder, with
-`--no-rollouts` in a checkout without a tracker.
+In a separate checkout the command `dagster asset materialize --select expert_db` runs over as many different clips, cut
+from the shipped sound motions: cold, repeated without changes, and with one clip changed. Durations are from Dagster's
+history; memory and CPU time are sampled over all processes. docs/benchmarks.md explains the numbers. With
+`--recordings` the command runs cold, once, over copies of the BVH files of a folder, with `--no-rollouts` in a checkout
+without a tracker.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ COLD, UNCHANGED, ONE_CHANGED = "cold", "unchanged", "one changed"
 SHIPPED = "shipped"
 RECORDED, ROLLED_OUT = "recorded", "recorded, with rollouts"
 SHIPPED_CHANGED = "curve_left"
-"""The shipped motion that is moved in the run with one changed clip."""
+"""Shipped motion that is shifted in the run with one changed clip."""
 
 MOST_SHIPPED_S = 300.0
-"""[s] The main job on the shipped motions, on two cores."""
+"""Main job on the shipped motions, on two cores [s]."""
 MOST_UNCHANGED_S = 15.0
-"""[s] The command repeated with nothing changed."""
+"""Command repeated without changes [s]."""
 MOST_MAIN_MB_PER_CLIP = 1.0
-"""[MB] What the command's process may grow by for each further clip: names, numbers and reasons, never frames."""
+"""Memory growth of the command's process per clip, which keeps names, numbers and reasons, never frames [MB]."""
 
 MOST_CPU_PER_SECOND = 0.05
-"""[s] Processor time of all stages for each second of recorded motion, without rollouts."""
+"""CPU time of all stages per second of recorded motion, without rollouts [s]."""
 MOST_HOURS_FOR_40 = 1.0
-"""[h] Wall time of 40 hours of recordings on two cores, extrapolated from what was measured."""
+"""Extrapolated wall time of 40 hours of recordings on two cores [h]."""
 
 LEAST_ARRIVED = 90.0
-"""[%] Of the clips, all sound: a stage that drops them would look fast."""
+"""Least share of the clips in the database; all are sound, and a stage that drops them would look fast [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,10 +87,10 @@ def main() -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """How much recorded motion, and whether references are rolled out."""
+    """Amount of recorded motion, and whether references are rolled out."""
 
     folder: Path
-    """With BVH files."""
+    """Folder of BVH files."""
     seconds: float
     rollouts: bool
 
@@ -103,7 +103,7 @@ class Recorded:
 def in_checkout(
     keep: Path | None, *, size: int = 0, shipped: bool = False, recorded: Recorded | None = None
 ) -> list[Case]:
-    """The three runs over `size` clips or over the shipped motions, or a run over recordings, in a fresh checkout."""
+    """Run the three cases over `size` clips or the shipped motions, or one over recordings, in a new checkout."""
     folder = keep or Path(tempfile.mkdtemp(prefix="booster_lab_benchmark_"))
     root = folder / (SHIPPED if shipped else RECORDED if recorded else f"{size}_clips")
     shutil.rmtree(root, ignore_errors=True)
@@ -154,7 +154,7 @@ def _case(root: Path, clips: int, clip_seconds: float, scenario: str, changed: s
 
 
 def bars(cases: list[Case]) -> list[Bar]:
-    """All numbers over the repeats (medians, with the spread of wall times), and the bounds they are held to."""
+    """All numbers over the repeats (medians, with the range of wall times), and their bounds."""
     found: list[Bar] = []
     for name in dict.fromkeys(case.name for case in cases):
         found += _bars_of([case for case in cases if case.name == name])
@@ -163,7 +163,7 @@ def bars(cases: list[Case]) -> list[Bar]:
 
 
 def _bars_of(same: list[Case]) -> list[Bar]:
-    """Of the repeats of one case."""
+    """Bars of the repeats of one case."""
     first, runs = same[0], [case.run for case in same]
     walls = [run.wall_s for run in runs]
     most = MOST_UNCHANGED_S if UNCHANGED in first.scenario else MOST_SHIPPED_S if SHIPPED in first.scenario else None
@@ -207,7 +207,7 @@ def _bars_of(same: list[Case]) -> list[Bar]:
 
 
 def _growth(cases: list[Case]) -> list[Bar]:
-    """What the main process grew by between the smallest and the largest size, a clip."""
+    """Memory growth of the main process per clip, from the smallest to the largest size."""
     cold = [case for case in cases if case.scenario == COLD]
     sizes = sorted({case.clips for case in cold})
     if len(sizes) < 2:
@@ -225,7 +225,7 @@ def _growth(cases: list[Case]) -> list[Bar]:
 
 
 def print_stages(case: Case) -> None:
-    """One row a stage."""
+    """Print one row per stage."""
     print(f"\n{case.name}: {case.clip_seconds:.0f} s of motion, {case.run.wall_s:.1f} s, {case.run.cpu_s:.1f} s of CPU")
     print(
         f"{'':20} {'s':>8} {'s / clip-s':>11} {'CPU s':>8} {'/ clip-s':>9} {'recomputed':>11} {'main MB':>8} "

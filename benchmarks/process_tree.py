@@ -1,7 +1,7 @@
-"""A command run to its end while the memory and processor time of its process and all below it are sampled.
+"""Run a command and sample memory and CPU time of its process tree.
 
-Processor time of processes that have ended is their parents' (`cutime`, `cstime` of /proc/PID/stat), so none is lost
-however short a process lives. Memory of a process that lives for less than `LIST_EVERY_S` may be missed.
+CPU time of ended processes is included in their parents' (`cutime`, `cstime` of /proc/PID/stat), so that of short
+processes is counted too. Memory of a process that lives for less than `LIST_EVERY_S` may be missed.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ import psutil
 
 PERIOD_S = 0.05
 LIST_EVERY_S = 0.1
-"""How often the processes below the main one are listed: that takes longer than sampling them."""
+"""Interval at which descendants are listed [s], which is slower than sampling them."""
 MB = 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """Resident memory [MB] at one time. Pages that processes share count once in each of them."""
+    """Resident memory at one time [MB]. Shared pages count once per process."""
 
     time_s: float
-    """Seconds since the epoch, as Dagster stamps its events."""
+    """Seconds since the epoch, as in Dagster's events."""
     main_mb: float
-    """Of the command's own process."""
+    """Memory of the command's process [MB]."""
     tree_mb: float
-    """Of it and all processes below it."""
+    """Memory of the process and its descendants [MB]."""
     cpu_s: float
     """Processor time, user and system, of all processes so far, those that have ended and were waited for included
     [s]."""
@@ -39,7 +39,7 @@ class Sample:
 
 @dataclass(frozen=True, kw_only=True)
 class Watched:
-    """A command that has ended."""
+    """Result of a command that has ended."""
 
     started_s: float
     """Seconds since the epoch."""
@@ -50,14 +50,14 @@ class Watched:
     output: str
 
     def peak(self, start_s: float = 0.0, stop_s: float = float("inf")) -> tuple[float, float]:
-        """Largest `main_mb` and `tree_mb` between two times (epoch); of a span without sample those next to it."""
+        """Largest `main_mb` and `tree_mb` between two times (epoch); without samples between, the nearest ones."""
         inside = [each for each in self.samples if start_s <= each.time_s <= stop_s]
         if not inside:
             inside = [min(self.samples, key=lambda each: abs(each.time_s - start_s))]
         return max(each.main_mb for each in inside), max(each.tree_mb for each in inside)
 
     def cpu_between(self, start_s: float, stop_s: float) -> float:
-        """Processor time of all processes between two times (epoch) [s], to the period of the samples."""
+        """CPU time of all processes between two times (epoch), within the sampling period [s]."""
         before, after = (
             max((each.cpu_s for each in self.samples if each.time_s <= time_s), default=0.0)
             for time_s in (start_s, stop_s)
@@ -66,7 +66,7 @@ class Watched:
 
 
 def watch(command: Sequence[str], *, folder: Path, environment: Mapping[str, str], log: Path) -> Watched:
-    """Run a command in a folder, output to the file `log`. Raises RuntimeError with its last lines when it fails."""
+    """Run a command in a folder, output to the file `log`. Raises RuntimeError with its last lines if it fails."""
     samples: list[Sample] = []
     before_s, cpu_s = _ended_cpu_s(), 0.0
     started_s, clock_s = time.time(), time.perf_counter()
@@ -91,14 +91,14 @@ def watch(command: Sequence[str], *, folder: Path, environment: Mapping[str, str
 
 
 def clean_environment(root: Path, executables: Path) -> dict[str, str]:
-    """Environment of a person who types the command: no setting of ours, Dagster's or Python's; `root` importable."""
+    """Environment of a user's shell: no setting of this project, Dagster or Python; `root` is importable."""
     settings = ("DAGSTER", "BOOSTER_LAB", "PYTHON")
     kept = {name: value for name, value in os.environ.items() if not name.startswith(settings)}
     return {**kept, "PATH": f"{executables}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(root)}
 
 
 def _tree(main: psutil.Process) -> list[psutil.Process]:
-    """The process and all below it; none where it has ended."""
+    """The process and its descendants; empty if it has ended."""
     try:
         return [main, *main.children(recursive=True)]
     except psutil.NoSuchProcess:
@@ -106,17 +106,17 @@ def _tree(main: psutil.Process) -> list[psutil.Process]:
 
 
 def _ended_cpu_s() -> float:
-    """Processor time of the children of this process that have ended, and of theirs [s]."""
+    """CPU time of the ended descendants of this process [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def _sample(processes: Sequence[psutil.Process], least_cpu_s: float) -> list[Sample]:
-    """One sample, none where the first process has ended.
+    """Take one sample; None if the first process has ended.
 
     Args:
-        least_cpu_s: processor time of the sample before. A process that ends while the sample is taken may be in
-            neither its own numbers nor its parent's; the time so far never decreases.
+        least_cpu_s: CPU time of the previous sample, a lower bound: a process that ends during the sampling may be
+            counted neither by itself nor by its parent
     """
     memory, cpu_s = [], 0.0
     for process in processes:

@@ -1,9 +1,9 @@
-"""Peak memory of reading a large file of each format in a process of its own, against 200 MB + 4 times its size.
+"""Peak memory of reading a large file of each format in a separate process; bound: 200 MB + 4 times its size.
 
 Run: python -m benchmarks.reader_memory [--megabytes 50] [--format bvh ...] [--json]
 
-The first bar is a BVH of 149 MB. Archives and logs are written without compression; of a compressed one the size
-is what it inflates to.
+The first bar is a BVH of 149 MB. Archives and logs are written without compression; the size of a
+compressed one is its uncompressed size.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchmarks.report import Bar, machine, report
 ROOT = Path(__file__).resolve().parent.parent
 LARGE_BVH_MB = 149.0
 FIXED_MB, TIMES = 200.0, 4.0
-"""What a reader may take: a fixed part, and a multiple of the file's size."""
+"""Memory bound of a reader: a fixed part [MB], and a multiple of the file's size."""
 
 CHILD = """
 import sys
@@ -36,7 +36,7 @@ print(found.clip.frame_count, next(line for line in status.splitlines() if line.
 
 
 def peak_mb(path: Path, fps: float = 0.0) -> tuple[int, float]:
-    """Frames of a motion file, and the peak resident memory of a process that reads it [MB] (Linux)."""
+    """Read a motion file in a separate process; return its frames and the peak resident memory [MB] (Linux)."""
     command = [sys.executable, "-c", CHILD, str(path), str(fps)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode:

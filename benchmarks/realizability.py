@@ -1,4 +1,4 @@
-"""Can a classifier tell the expert motions from the robot in simulation? References against rollouts.
+"""Can a classifier distinguish expert motions from the robot in simulation? References compared with rollouts.
 
     python -m benchmarks.realizability [--seeds 3]
 

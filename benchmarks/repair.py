@@ -1,11 +1,11 @@
-"""Both error rates of repair (KP2): planted defects found where they are, sound motion left alone.
+"""Both error rates of repair (KP2): planted defects found and located, sound motion left unchanged.
 
     python benchmarks/repair.py [--count 200] [--kinds spike,noise] [--seed 1] [--picture FILE] [--json] [MOCAP]
 
 Sound clips are the generator's and, where MOCAP (by default `../shared/mocap` beside the checkout) has them, real
-recordings. Each kind of defect is planted at random places and strengths until `--count` that matter are counted;
-of those below, a third as many, only the detection is plotted. Gaps, labels of contacts and what sound clips lose
-are measured with `--kinds` left out, and labels against forces where POLICIES (`../shared/policies`) is there.
+recordings. Each kind of defect is planted at random places and strengths until `--count` large enough ones are counted;
+a third as many smaller ones are planted only for the plot. Gaps, contact labels and losses of sound clips are measured
+unless `--kinds` is given, and labels are compared with forces if POLICIES (`../shared/policies`) exists.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from tests.factories.planted_defects import KINDS  # noqa: E402
 
 SEED = 1
 LIMITS_SEEDS = "1 to 8, 11 to 15, 31, 32 and 61 to 63"
-"""Limits of KP2 were set with plants of these: what is found there says less than what is found with others."""
+"""Seeds with which the limits of KP2 were tuned; results with other seeds are more meaningful."""
 LEAST = 98.0
-"""Per cent of the counted defects that have to be found, and found where they are."""
+"""Least share of the counted defects that must be found, and located [%]."""
 CHUNK = 50
-"""Plants that a process works on at a time."""
+"""Defects per task of a worker process."""
 MOST_DRAWN = 4
-"""At most so many times as many plants as are wanted are drawn."""
+"""Largest number of drawn defects, as a multiple of the required number."""
 
 
 def main() -> int:
@@ -75,7 +75,7 @@ def main() -> int:
 
 
 def judge_chunk(kind: str, first: int, mocap: Path, seed: int) -> list[Verdict]:
-    """The plants of a kind numbered from `first` on."""
+    """Evaluate the defects of a kind numbered from `first` on."""
     numbers = range(first, first + CHUNK)
     if kind in KINDS:
         limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
@@ -91,7 +91,7 @@ def judge_chunk(kind: str, first: int, mocap: Path, seed: int) -> list[Verdict]:
 
 
 def kind_bars(kind: str, verdicts: list[Verdict]) -> list[Bar]:
-    """How many of a kind that matter were found, and located or right in their parameter."""
+    """Share of large enough defects of a kind that were found, and located or estimated correctly."""
     if kind in FLOOR_NUMBER:
         groups = sorted({one.group for one in verdicts})
         each = [bar for group in groups for bar in _floor_bars(kind, group, verdicts)]
@@ -109,7 +109,7 @@ def _found(name: str, verdicts: list[Verdict]) -> list[Bar]:
 
 
 def _floor_bars(kind: str, group: str, verdicts: list[Verdict]) -> list[Bar]:
-    """Floors of one group of clips, with bounds where it is counted."""
+    """Bars of the floors of one group of clips, with bounds if the group is counted."""
     own = [one for one in verdicts if one.group == group]
     right = [one.located for one in own if one.strength >= 1.0 and one.located is not None]
     bars = _found(f"{kind}, {group}", own) + ([_percent(f"{kind}, {group}: right", right)] if right else [])

@@ -1,6 +1,6 @@
-"""Frames that the index of recordings calls clean and repair flags: what they do that no foot can.
+"""Frames that the index of recordings lists as clean but repair flags: motion that is impossible for a foot.
 
-Nothing of repair is used here but what it flagged: positions as they are read, their second difference, and the other
+Of repair, only the flagged frames are used. Evidence is the positions as read, their second difference, and the other
 foot of the same person in the same frames.
 """
 
@@ -14,13 +14,13 @@ from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.physics import GRAVITY
 
 BEYOND = 5.0
-"""A foot that accelerates by so many times as much as anywhere else did not: it is another marker."""
+"""Acceleration, relative to the rest of the recording, above which the marker is not on the foot."""
 
 
 def called_clean_bars(sound: Sound, flagged: int, everything: tuple[int, int]) -> list[Bar]:
-    """How many frames are flagged of a recording whose last ones are called clean, and how hard its feet accelerate.
+    """Number of flagged frames in a recording listed as clean, and the acceleration of its feet.
 
-    `everything` are the frames flagged, and all, of the sound clips, among which its first frames are.
+    `everything`: number of flagged frames and of all frames of the sound clips, which include its first frames.
     """
     clip, first = sound.clip, REAL[sound.clip.name][1]
     assert first is not None

@@ -1,4 +1,4 @@
-"""Sound clips for the repair benchmark: the generator's at three rates and, where they are at hand, real ones."""
+"""Sound clips for the repair benchmark: generated ones at three rates and, if available, real ones."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pipeline.generator import RECIPES, generate
 from pipeline.readers import read_motion
 
 SECONDS = 8.0
-"""Longest stretch of a real recording that is taken [s]."""
+"""Longest used segment of a real recording [s]."""
 RUN_M_S = 1.9
-"""Mean speed from which a clip is smoothed as a run."""
+"""Mean speed from which a clip is smoothed as a run [m/s]."""
 OTHER_RATES = {30.0: ("walk", "walk_slow", "run_easy", "turn_left"), 120.0: ("walk", "side_left", "run_fast", "stand")}
-"""Recipes that are generated at other rates than 60 Hz, too."""
+"""Recipes that are also generated at rates other than 60 Hz."""
 REAL: dict[str, tuple[int, int | None]] = {
     "bandai_namco/dataset-1_call_normal_001.bvh": (0, None),
     "bandai_namco/dataset-1_run_tired_001.bvh": (0, None),
@@ -70,7 +70,7 @@ class Sound:
 
 
 def generated() -> list[Sound]:
-    """The shipped motions, some of them at other rates, too."""
+    """The shipped motions, some also at other rates."""
     clips = [generate(recipe).clip for recipe in RECIPES.values()]
     for fps, names in OTHER_RATES.items():
         for name in names:
@@ -80,7 +80,7 @@ def generated() -> list[Sound]:
 
 
 def recorded(folder: Path, parts: dict[str, tuple[int, int | None]] = REAL) -> list[Sound]:
-    """Parts of real recordings, whole, by default the sound ones; none where the folder is not there."""
+    """Whole parts of real recordings, by default the sound ones; none if the folder does not exist."""
     result = []
     for file, (first, last) in parts.items():
         if (folder / file).is_file():
@@ -93,7 +93,7 @@ def recorded(folder: Path, parts: dict[str, tuple[int, int | None]] = REAL) -> l
 
 @functools.cache
 def sound_clips(folder: Path) -> tuple[Sound, ...]:
-    """Everything that defects are planted into: of a long recording its middle."""
+    """All clips for planted defects; of a long recording, its middle."""
     real = []
     for sound in recorded(folder):
         clip, most = sound.clip, round(SECONDS * sound.clip.fps)

@@ -1,7 +1,7 @@
-"""Defects that concern all of a file, planted and judged: a wrong rate, frames stored several times, a wrong unit.
+"""Planted defects of whole files: a wrong rate, frames stored several times, a wrong unit.
 
-And two that change the numbers but not the motion, and must not change what comes out: quaternions of other signs,
-and angles that are whole turns off.
+Also two changes of the numbers, but not of the motion, which must not change the result: negated quaternions, and
+angles offset by whole turns.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from pipeline.readers.source import Statement
 from pipeline.repair import RepairSettings, process
 
 WRONG_RATIO = 1.5
-"""A rate that is off by this factor or more matters."""
+"""Least factor of a rate error that counts."""
 RATE_SHARE = 0.02
-"""A rate is right within this share of it."""
+"""Relative tolerance of a rate."""
 WALK_M_S, WALK_S = 0.5, 4.0
-"""Who walks goes ahead at more than this [m/s] for at least this long [s]."""
+"""Least forward speed [m/s] and duration [s] of walking."""
 
 
 def wrong_rate(number: int, seed: int, folder: Path, settings: CatalogSettings) -> Verdict:
-    """A walk or run that declares another standard rate than it has."""
+    """Plant a wrong declared rate, another standard one, into a walk or run."""
     rng = np.random.default_rng([seed, number, *b"wrong_rate"])
     walks = walking_clips(folder)
     sound = walks[int(rng.integers(len(walks)))]
@@ -61,7 +61,7 @@ def wrong_rate(number: int, seed: int, folder: Path, settings: CatalogSettings) 
 
 @functools.cache
 def walking_clips(folder: Path) -> tuple[Sound, ...]:
-    """Whole clips in which somebody walks or runs ahead for four seconds and most of the time."""
+    """Whole clips in which the person walks or runs forward for four seconds and most of the time."""
     result = []
     for sound in (*generated(), *recorded(folder)):
         motion = planar_motion(sound.clip, 0.2, 0.5, 0.5)
@@ -72,7 +72,7 @@ def walking_clips(folder: Path) -> tuple[Sound, ...]:
 
 
 def stored_twice(number: int, seed: int, folder: Path, settings: CatalogSettings) -> Verdict:
-    """Every frame is stored two or three times."""
+    """Plant repeated frames: every frame is stored two or three times."""
     rng = np.random.default_rng([seed, number, *b"stored_twice"])
     clips = sound_clips(folder)
     sound = clips[int(rng.integers(len(clips)))]
@@ -92,7 +92,7 @@ def stored_twice(number: int, seed: int, folder: Path, settings: CatalogSettings
 
 
 def wrong_unit(number: int, seed: int, folder: Path, settings: CatalogSettings) -> Verdict:
-    """A person of some stature in inches, where the file says nothing or somebody states centimetres."""
+    """Plant a wrong unit: a person in inches, with no stated unit or with centimetres stated."""
     rng = np.random.default_rng([seed, number, *b"wrong_unit"])
     stature, stated = float(rng.uniform(1.3, 2.05)), bool(rng.integers(2))
     raw = _raw_motion(folder, tuple(RECIPES)[int(rng.integers(len(RECIPES)))])
@@ -116,7 +116,7 @@ def wrong_unit(number: int, seed: int, folder: Path, settings: CatalogSettings) 
 
 
 def other_signs(number: int, seed: int, folder: Path, settings: RepairSettings) -> Verdict:
-    """Quaternions of random signs are the same rotations: nothing is told, and the same comes out."""
+    """Negate random quaternions, which are the same rotations: no finding, and the same result."""
     rng = np.random.default_rng([seed, number, *b"other_signs"])
     clips = sound_clips(folder)
     index = int(rng.integers(len(clips)))
@@ -129,7 +129,7 @@ def other_signs(number: int, seed: int, folder: Path, settings: RepairSettings) 
 
 
 def whole_turns(number: int, seed: int, folder: Path, settings: RepairSettings) -> Verdict:
-    """Angles of a file that are whole turns off are the same rotations."""
+    """Offset angles of a file by whole turns, which are the same rotations."""
     rng = np.random.default_rng([seed, number, *b"whole_turns"])
     name = tuple(RECIPES)[int(rng.integers(len(RECIPES)))]
     motion, block = _block(name)

@@ -1,13 +1,13 @@
-"""Floors that are off or drift, planted and judged against the truth.
+"""Planted floor offsets and drifts, compared with the truth.
 
-Of the generator's clips the ground is known, z = 0, whatever KP2 thinks of it: what it tells of a spoilt clip is held
-against that. For its estimate not to be that of a clean clip, the whole body wanders as tracking does, and in some
-clips a part of the frames is noisy or lost, too.
+The ground of generated clips is known (z = 0), and KP2's estimate for a changed clip is compared with it. So that the
+estimate is not that of a perfect clip, the whole body wanders as in mocap, and in some clips a part of the frames is
+also noisy or lost.
 
-Nobody knows the ground of a recording: a clean one is put on z = 0 by what KP2 tells of it, so that what is planted is
-all that is wrong. That says whether a defect is told, and told right, not whether KP2 finds the ground; how far another
-way of finding it agrees is told beside (`ground_bars`). Without a bound are recordings that wander, too, and recordings
-as they are, whose own ground may hide a plant.
+The ground of a recording is unknown: a clean one is moved to z = 0 by KP2's own estimate, so that the planted defect is
+the only one. This tests whether a defect is found and estimated correctly, not whether KP2 finds the ground;
+`ground_bars` compares KP2 with another method. Recordings that also wander, and recordings with their original ground,
+which may hide a planted defect, have no bound.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from pipeline.repair import RepairSettings, prepare, process
 from tests.factories.planted_defects import Planted, plant
 
 FLOOR_M = 0.005
-"""A floor's height and its drift are right within this [m]."""
+"""Tolerance of a floor's height and drift [m]."""
 FLOOR_NUMBER = {"floor_offset": "floor_m", "floor_drift": "floor_drift_m"}
-"""Kind of defect of the floor -> the number of KP2 that tells it."""
+"""Kind of floor defect -> KP2 number that estimates it."""
 GENERATED, REAL = "generated", "real"
 WANDERING, AS_IT_IS = "real, wandering", "real, as they are"
 COUNTED = (GENERATED, REAL)
-"""Groups of clips that are held to bounds."""
+"""Groups of clips with bounds."""
 WANDER_M, WANDER_S = 0.005, 0.1
-"""The body wanders by this RMS in each direction [m]; width of the Gauss curve that smooths the wander [s]."""
+"""RMS of the body's wander in each direction [m]; width of the Gaussian that smooths it [s]."""
 NOISE_M = 0.005
 """RMS of noise on each joint, in each direction [m]."""
 SPOILT_SHARE = (0.1, 0.6)
-"""Least and largest share of a clip that is noisy or lost, in one stretch."""
+"""Smallest and largest share of a clip that is noisy or lost, contiguously."""
 PART_S = 0.5
-"""In so long a foot stands, or runs by [s]."""
+"""Duration in which a foot stands, or passes [s]."""
 
 
 def judge_floor(kind: str, number: int, seed: int, folder: Path, settings: RepairSettings) -> list[Verdict]:
-    """Plant the `number`-th floor of a kind into a clip drawn for it, run KP2, and look; a recording in three ways."""
+    """Plant the `number`-th floor of a kind into a random clip and evaluate KP2; a recording in three ways."""
     rng = np.random.default_rng([seed, number, *kind.encode()])
     clips = sound_clips(folder)
     sound = clips[int(rng.integers(len(clips)))]
@@ -69,7 +69,7 @@ def _judged(kind: str, sound: Sound, group: str, planted: Planted, settings: Rep
 
 
 def put_on_ground(clip: HumanClip, settings: RepairSettings) -> HumanClip:
-    """The clip with what KP2 tells of its ground taken out, however little it is."""
+    """Remove KP2's ground estimate from the clip, however small."""
     whole = prepare(clip, settings=settings)
     assert whole is not None
     pos = clip.body_pos_w.copy()
@@ -79,7 +79,7 @@ def put_on_ground(clip: HumanClip, settings: RepairSettings) -> HumanClip:
 
 
 def floor_verdict(kind: str, sound: Sound, group: str, planted: Planted, outcome: Outcome) -> Verdict:
-    """Hold what KP2 says of a ground against what was planted; right or not where the clip was on z = 0."""
+    """Compare KP2's ground with the planted one; correctness only if the clip was on z = 0."""
     found_m = float(outcome.numbers[FLOOR_NUMBER[kind]] or 0.0)
     size_m = float(planted.size or 0.0)
     right = abs(found_m - size_m) <= FLOOR_M
@@ -97,7 +97,7 @@ def floor_verdict(kind: str, sound: Sound, group: str, planted: Planted, outcome
 
 
 def tracked_badly(clip: HumanClip, rng: np.random.Generator) -> HumanClip:
-    """The clip as its whole body wanders, and for a while every joint shakes, or all are lost, or neither."""
+    """Let the whole body wander and, for a while, shake all joints, lose all joints, or neither."""
     pos, quat = clip.body_pos_w.copy(), clip.body_quat_w.copy()
     raw = smooth_way(clip.frame_count, clip.fps, rng)
     length = round(rng.uniform(*SPOILT_SHARE) * clip.frame_count)
@@ -112,7 +112,7 @@ def tracked_badly(clip: HumanClip, rng: np.random.Generator) -> HumanClip:
 
 
 def smooth_way(frames: int, fps: float, rng: np.random.Generator) -> np.ndarray:
-    """A smooth random way (frames, 3)."""
+    """A smooth random path (frames, 3) [m]."""
     reach = round(4.0 * WANDER_S * fps)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (WANDER_S * fps)) ** 2)
     raw = rng.normal(size=(frames + 2 * reach, 3))
@@ -120,9 +120,9 @@ def smooth_way(frames: int, fps: float, rng: np.random.Generator) -> np.ndarray:
 
 
 def wander(way: np.ndarray, span: slice) -> np.ndarray:
-    """The way with `WANDER_M` RMS [m] and without a cubic: truth stays true where the frames of `span` are lost, too.
+    """Scale a path to `WANDER_M` RMS and remove its cubic trend, so that the true ground remains valid.
 
-    Neither all of it nor what is outside `span` has a mean or a slope.
+    Neither the whole path nor its part outside `span` (lost frames) has a mean or a slope.
     """
     share = np.linspace(-1.0, 1.0, len(way))
     kept = np.ones(len(way))
@@ -134,9 +134,9 @@ def wander(way: np.ndarray, span: slice) -> np.ndarray:
 
 
 def ground_bars(folder: Path, settings: RepairSettings) -> list[Bar]:
-    """How far KP2's ground of recordings is from a line through the lowest toes of each half second.
+    """Difference between KP2's ground of recordings and a line through the lowest toes of each half second.
 
-    And how far these are from a ground that has one height: that no more is known of it.
+    Also the deviation of these toe heights from a constant ground, which bounds what can be known.
     """
     apart, tilted, spread = [], [], []
     for sound in sound_clips(folder):

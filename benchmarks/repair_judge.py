@@ -1,4 +1,4 @@
-"""Is a planted defect found, and where it is? The stage's own reasons tell, less those it gives of the sound clip."""
+"""Whether a planted defect is found and located, by the stage's reasons minus those for the sound clip."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pipeline.repair import RepairSettings, process
 from tests.factories.planted_defects import Planted, plant
 
 EDGE_FRAMES, EDGE_S = 2, 0.04
-"""An edge is located within so many frames or seconds, whichever is more."""
+"""Tolerance of an edge in frames and in seconds; the larger one applies."""
 CONSEQUENCES = frozenset({"too_short", "no_contact", "foot_skate", "floor_drift", "floor_offset"})
-"""Reasons that tell of no corrupted frames."""
+"""Reasons that do not concern corrupted frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What became of one planted defect."""
+    """Result for one planted defect."""
 
     kind: str
     clip: str
@@ -31,20 +31,20 @@ class Verdict:
     """Where the defect has edges: both are where they are; of a floor: its height or drift is right, None where nobody
     knows the ground."""
     text: str
-    """What was planted and what was said, for people."""
+    """Description of the planted defect and of the outcome."""
     group: str = ""
-    """Clips that are counted by themselves; empty where a kind has one group."""
+    """Group of clips that is counted separately; empty if a kind has one group."""
 
 
 @functools.cache
 def outcome_of(sound_index: int, folder: Path, settings: RepairSettings) -> Outcome:
-    """What KP2 says of a sound clip."""
+    """KP2's outcome for a sound clip."""
     sound = sound_clips(folder)[sound_index]
     return process(sound.clip, {"skill": sound.skill}, settings=settings)
 
 
 def judge_plant(kind: str, number: int, seed: int, folder: Path, settings: RepairSettings) -> Verdict:
-    """Plant the `number`-th defect of a kind into a clip drawn for it, run KP2, and look."""
+    """Plant the `number`-th defect of a kind into a random clip and evaluate KP2."""
     rng = np.random.default_rng([seed, number, *kind.encode()])
     clips = sound_clips(folder)
     index = int(rng.integers(len(clips)))
@@ -59,7 +59,7 @@ def needs_walking(kind: str) -> bool:
 
 
 def judge(kind: str, sound: Sound, planted: Planted, clean: Outcome, settings: RepairSettings) -> Verdict:
-    """Hold what KP2 says of the spoilt clip against what was planted."""
+    """Compare KP2's outcome for the changed clip with the planted defect."""
     outcome = process(planted.clip, {"skill": sound.skill}, settings=settings)
     known = {(one.code, one.start_s, one.stop_s) for one in clean.reasons}
     new = [one for one in outcome.reasons if (one.code, one.start_s, one.stop_s) not in known]
@@ -79,7 +79,7 @@ def judge(kind: str, sound: Sound, planted: Planted, clean: Outcome, settings: R
 
 
 def edge_frames(fps: float) -> float:
-    """By how many frames an edge may be off."""
+    """Tolerance of an edge in frames."""
     return max(EDGE_FRAMES, EDGE_S * fps)
 
 
@@ -99,7 +99,7 @@ def _frames(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool
 
 
 def _skate(planted: Planted, new: list[Reason], fps: float, standing: np.ndarray) -> tuple[bool, bool]:
-    """Found and located; in flight nothing slides, so an edge there may be told at the stance before or after."""
+    """Whether a skate is found and located; an edge in flight may be located at the adjacent stance."""
     spans = [
         (one.start_s * fps, one.stop_s * fps)
         for one in new
@@ -120,7 +120,7 @@ def _skate(planted: Planted, new: list[Reason], fps: float, standing: np.ndarray
 
 
 def _standing(sound: Sound, clean: Outcome) -> np.ndarray:
-    """Frames (t,) of a sound clip in which a foot stands: the generator's truth, else as labelled."""
+    """Frames (t,) of a sound clip in which a foot stands: ground truth if generated, else the labels."""
     if sound.clip.contacts is not None:
         return np.asarray(sound.clip.contacts.any(axis=1))
     standing = np.ones(sound.clip.frame_count, dtype=bool)

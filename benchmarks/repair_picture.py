@@ -1,4 +1,4 @@
-"""How detection grows with the strength of a defect, drawn."""
+"""Plot of detection rate over defect strength."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ import numpy as np
 from matplotlib import pyplot
 
 EDGES = np.array([0.1, 0.3, 0.45, 0.7, 1.0, 1.5, 2.2, 3.3, 5.0, 10.0])
-"""Of the bins of strength; 1 is the least that matters."""
+"""Edges of the strength bins; 1 is the smallest strength that counts."""
 FEWEST = 5
-"""Bins with fewer defects are left out."""
+"""Least number of defects in a drawn bin."""
 SHOWN = (
     "joint_dropout",
     "limb_dropout",
@@ -35,7 +35,7 @@ SHOWN = (
 
 
 def draw(verdicts: dict[str, list[Verdict]], path: Path) -> None:
-    """Share of each kind that was found, over its strength."""
+    """Draw the detection rate of each kind over its strength."""
     figure, axes = pyplot.subplots(figsize=(8.0, 4.5), dpi=110)
     markers = "os^vD<>pP*X"
     for marker, kind in zip(markers, [kind for kind in SHOWN if kind in verdicts], strict=False):

@@ -1,4 +1,4 @@
-"""What repair does to motion that is sound, how well it fills gaps, and how well it labels contacts."""
+"""Effect of repair on sound motion, quality of filled gaps, and quality of contact labels."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ COMMANDS = (
     (1.2, 0.0, 0.8),
     (0.4, -0.4, 0.5),
 )
-"""Of the rollouts [m/s, m/s, rad/s]."""
+"""Commands of the rollouts [m/s, m/s, rad/s]."""
 
 
 def sound_bars(folder: Path, settings: RepairSettings) -> list[Bar]:
-    """Frames of sound clips that are flagged, how far what comes out is from what went in, and a runner's bounce."""
+    """Flagged frames of sound clips, difference between output and input, and a runner's bounce."""
     bars = []
     everything = [0, 0]
     for name, sounds in (("generated", generated()), ("real", recorded(folder))):
@@ -66,7 +66,7 @@ def sound_bars(folder: Path, settings: RepairSettings) -> list[Bar]:
 
 
 def _marked(sound: Sound, settings: RepairSettings) -> tuple[Outcome, int]:
-    """What KP2 makes of a clip, and how many of its frames are flagged."""
+    """KP2's outcome for a clip, and the number of flagged frames."""
     whole = prepare(sound.clip, settings=settings)
     outcome = process(sound.clip, {"skill": sound.skill}, settings=settings, prepared=whole)
     assert whole is not None
@@ -77,7 +77,7 @@ def _marked(sound: Sound, settings: RepairSettings) -> tuple[Outcome, int]:
 
 
 def apart(outcome: Outcome, clip: HumanClip) -> tuple[float, float]:
-    """RMS over frames and joints of how far [m] and by what angle [rad] what comes out is from what went in."""
+    """RMS differences of position [m] and angle [rad] between output and input, over frames and joints."""
     moved, turned = [np.zeros(0)], [np.zeros(0)]
     for piece in outcome.pieces:
         span = slice(int(piece.numbers["start_frame"] or 0), int(piece.numbers["stop_frame"] or 0))
@@ -88,13 +88,13 @@ def apart(outcome: Outcome, clip: HumanClip) -> tuple[float, float]:
 
 
 def undone(outcome: Outcome, clip, numbers) -> HumanClip:
-    """A piece in the world of its source."""
+    """Transform a piece back to the world of its source."""
     names = [field.name for field in dataclasses.fields(Placement)]
     return Placement(**{name: numbers[name] for name in names}).undone(clip)
 
 
 def _bounce_bars(settings: RepairSettings) -> list[Bar]:
-    """A runner's pelvis that bounces by 5 cm at 2.8 Hz: how much of it is left, and how late it is."""
+    """Remaining amplitude and delay of a runner's pelvis that bounces by 0.05 m at 2.8 Hz."""
     sound = next(one for one in generated() if one.clip.name.endswith("run_easy"))
     time_s = np.arange(sound.clip.frame_count) / sound.clip.fps
     pos_w = sound.clip.body_pos_w + BOUNCE_M * np.sin(2 * np.pi * BOUNCE_HZ * time_s)[:, None, None] * [0.0, 0.0, 1.0]
@@ -120,7 +120,7 @@ def _bounce_bars(settings: RepairSettings) -> list[Bar]:
 
 
 def gap_bars(folder: Path, settings: RepairSettings, count: int) -> list[Bar]:
-    """All joints of walking people lost for a while: RMS of what is filled in; longer gaps must be cut."""
+    """RMS error of filled gaps in all joints of walking people; longer gaps must be cut."""
     walks = [sound for sound in sound_clips(folder) if sound.walks and sound.speed_m_s < 1.9]
     bars = []
     for seconds, (all_joints, feet) in GAPS_S.items():
@@ -145,7 +145,7 @@ def gap_bars(folder: Path, settings: RepairSettings, count: int) -> list[Bar]:
 def _filled(
     walks: list[Sound], number: int, seconds: float, settings: RepairSettings
 ) -> tuple[np.ndarray, bool] | None:
-    """Distance from the truth (gap, 19) in a gap, and whether it is told as filled; None where it was cut."""
+    """Error (gap, 19) in a gap, and whether it is reported as filled; None if it was cut."""
     rng = np.random.default_rng([7, number, round(1000 * seconds)])
     sound = walks[int(rng.integers(len(walks)))]
     clip, length = sound.clip, round(seconds * sound.clip.fps)
@@ -165,7 +165,7 @@ def _filled(
 
 
 def contact_bars(policies: Path, settings: RepairSettings) -> list[Bar]:
-    """F1 frame by frame of the labels, against the generator's truth and against forces in simulation."""
+    """Framewise F1 of contact labels, against ground truth of generated clips and forces in simulation."""
     found, true, each = [], [], []
     for sound in generated():
         for piece in process(sound.clip, {"skill": sound.skill}, settings=settings).pieces:
@@ -198,7 +198,7 @@ def contact_bars(policies: Path, settings: RepairSettings) -> list[Bar]:
 
 
 def f1(found: np.ndarray, true: np.ndarray) -> float:
-    """F1 score frame by frame, without tolerance."""
+    """Framewise F1 score, without tolerance."""
     hit = np.sum(found & true)
     return float(2 * hit / (2 * hit + np.sum(found != true)))
 

@@ -1,4 +1,4 @@
-"""What every benchmark prints: its bars as a table, or with `--json` as one object.
+"""Output of every benchmark: its bars as a table, or with `--json` as one object.
 
 {"bars": [{"name", "value", "unit", "bound", "holds"}], "machine": {...}}
 """
@@ -15,18 +15,18 @@ from importlib import metadata
 
 @dataclass(frozen=True, kw_only=True)
 class Bar:
-    """A number and what it has to be."""
+    """A number and its bound."""
 
     name: str
     value: float
     unit: str = ""
     sense: str = ""
-    """`>=` or `<=`; empty for a number that is only reported."""
+    """`>=` or `<=`; empty for a number without a bound."""
     bound: float | None = None
 
     @property
     def holds(self) -> bool | None:
-        """Whether the value is within the bound; None without one. A value that is not finite never is."""
+        """Whether the value is within the bound; None without a bound. A value that is not finite fails."""
         if self.bound is None:
             return None
         if not math.isfinite(self.value):
@@ -40,7 +40,7 @@ class Bar:
 
 
 def machine() -> dict[str, str | int]:
-    """What the numbers were measured on."""
+    """Description of the machine."""
     return {
         "system": f"{platform.system()} {platform.machine()}",
         "processor": _processor(),
@@ -51,7 +51,7 @@ def machine() -> dict[str, str | int]:
 
 
 def report(bars: list[Bar], *, machine: dict[str, str | int], json: bool) -> bool:
-    """Print the bars; whether all that have a bound hold."""
+    """Print the bars; return whether all bars with a bound hold."""
     if json:
         print(json_format.dumps({"bars": [bar.to_dict() for bar in bars], "machine": machine}, allow_nan=False))
     else:
@@ -73,9 +73,9 @@ def _print_table(bars: list[Bar], machine: dict[str, str | int]) -> None:
 
 
 def _processor() -> str:
-    """The processor's name where the system tells it."""
+    """The processor's name, if the system provides it."""
     try:
-        with open("/proc/cpuinfo") as stream:  # noqa: PTH123, no file of ours
+        with open("/proc/cpuinfo") as stream:  # noqa: PTH123, not a file of this project
             names = [line.partition(":")[2].strip() for line in stream if line.startswith("model name")]
     except OSError:
         names = []

@@ -1,12 +1,11 @@
-"""KP3 against its bars and, where it is installed, against GMR on the same clips in the same run.
+"""KP3 compared with its bars and, if installed, with GMR on the same clips in the same run.
 
     python benchmarks/retarget.py FILE_OR_FOLDER... [--fps 30 --fps 50] [--gmr PYTHON --gmr-repo FOLDER]
         [--parts FILE_OR_FOLDER...] [--repeat 3] [--each] [--json] [--raw] [--trade-offs OUT.png] [--memory CLIPS]
 
-The files go through reader, catalogue and repair; both retargeters get what is handed on. Scores are those of
-`booster-lab score`, pooled over all frames. With `--parts` the bars
-are those of fast clips: of the files as a whole, and of the windows of runs and side steps in the parts.
-docs/retarget.md tells what the numbers mean and how GMR is set up.
+The files pass reader, catalogue and repair; both retargeters get the result. Scores are those of `booster-lab score`,
+pooled over all frames. With `--parts` the bars are those of fast clips: of the whole files, and of the windows of runs
+and side steps in the parts. docs/retarget.md explains the numbers and the installation of GMR.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # one core, before numpy is loaded
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # use one core; set before numpy is loaded
     os.environ.setdefault(variable, "1")
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -38,13 +37,13 @@ from pipeline.robot import Robot, load_robot  # noqa: E402
 from pipeline.scoring import FIGURES, pooled  # noqa: E402
 
 TIMES_GMR, TIMES_GMR_FROM_TEXT = 25.0, 15.0
-"""Least speed of retargeting, and from BVH text to CSV, against GMR's inverse kinematics."""
+"""Least speed of retargeting, and from BVH text to CSV, relative to GMR's inverse kinematics."""
 
 AT_ANY_RATE = ("limit", "slip", "drift", "penetration", "self_collision", "height_shift", "pelvis")
-"""Parts of the keys of figures whose bars hold at any rate; those of the others are for 30 Hz."""
+"""Substrings of the metric keys whose bars apply at any rate; the other bars apply at 30 Hz."""
 
 IN_EACH_CLIP = ("self_collision_percent", "self_collision_max_cm")
-"""Figures that must hold in every single clip too."""
+"""Metrics whose bars also apply to every single clip."""
 
 
 def main() -> None:
@@ -107,7 +106,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def _bars(ours: Scored, theirs: Scored | None, fps: float, limits: Mapping[str, float | None]) -> list[Bar]:
-    """The figures of one rate, GMR's beside ours; `limits` are the largest values at 30 Hz by the figures' keys."""
+    """Metrics at one rate, of KP3 and GMR; `limits` are the largest values at 30 Hz by metric key."""
     at = f"{fps:g} Hz"
     bars = _speed(ours, theirs, at)
     scores = {"": pooled(list(ours.scores.values())).figures()}
@@ -141,7 +140,7 @@ def _speed(ours: Scored, theirs: Scored | None, at: str) -> list[Bar]:
 def _from_text(
     files: list[Path], chain: Chain, settings: RetargetSettings, robot: Robot, theirs: Scored | None, repeat: int
 ) -> list[Bar]:
-    """From text to CSV: each step's share and the speed of the whole, each the median of `repeat` runs."""
+    """Share of each step and total speed from text to CSV, each the median of `repeat` runs."""
     runs = [text_to_csv(files, chain, settings, robot) for _ in range(repeat)]
     spent = {step: statistics.median(run[step] for run in runs) for step in runs[0]}
     at, frames = f"{settings.fps:g} Hz", spent.pop("frames")

@@ -1,18 +1,18 @@
-"""What retargeting is worth downstream: the same tracker recipe trained on GMR's output and on ours for the same clips.
+"""Downstream value of retargeting: the same tracker recipe, trained on GMR's and on KP3's versions of the same clips.
 
     python -m benchmarks.retarget_downstream FILE_OR_FOLDER... --gmr PYTHON --gmr-repo FOLDER --work DIR --prepare-only
     python -m benchmarks.retarget_downstream --work DIR [--device cuda --num-envs 4096 --iterations N]
         [--seeds 1 2 3] [--workers 0] [--json]
 
-The first command needs GMR and no GPU: files go through reader, catalogue and repair, every fourth recording is held
+The first command needs GMR and no GPU: files pass reader, catalogue and repair, every fourth recording is held
 out (cut into pieces of 2 s), and both retargeters get the same clips. The second one needs DIR and a GPU: it trains a
 tracker on each retargeter's clips with `python -m pipeline.tracking`, rolls out the held-out clips of the same
-retargeter in plain MuJoCo and writes DIR/table.md. A run that was stopped continues; what is done is not done again. A
-mirror image of a held-out recording must not be among the files.
+retargeter in plain MuJoCo and writes DIR/table.md. Repeating the command continues a stopped run. The files must not
+contain a mirror image of a held-out recording.
 
-A clip survives that is followed from its first frame to its last. Each tracker follows its own retargeter's version of
-the held-out clips, since this is what a user of that retargeter would have; the body error is the distance of key links
-from it. Clips that one retargeter cannot do are left out of both.
+A clip survives if it is tracked from its first to its last frame. Each tracker follows its own retargeter's version of
+the held-out clips, as it would for a user of that retargeter; the body error is the distance of key links from it.
+Clips that one retargeter rejects are excluded from both.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ from pipeline.tracking.tracker_folder import NETWORK  # noqa: E402
 OURS, GMR = "ours", "gmr"
 
 ROBOT = "t1"
-"""The robot that GMR's worker retargets to."""
+"""Robot of GMR's worker."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How every tracker is trained."""
+    """Training parameters of every tracker."""
 
     device: str
     num_envs: int
@@ -64,7 +64,7 @@ def main() -> None:
     given = _arguments()
     work: Path = given.work
     if given.paths:
-        from benchmarks.gmr import Gmr  # retargeting needs packages that a GPU host does not have
+        from benchmarks.gmr import Gmr  # retargeting needs packages that GPU hosts lack
         from benchmarks.retarget_downstream_clips import prepare_files
 
         prepare_files(given.paths, Gmr(python=given.gmr, repo=given.gmr_repo), work)
@@ -100,7 +100,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def measured(work: Path, recipe: Recipe, seed: int, workers: int) -> dict[str, list[NominalRollout]]:
-    """Rollouts of the held-out clips by the tracker of each retargeter, by its name; trackers are trained as needed."""
+    """Roll out the held-out clips with the tracker of each retargeter; train missing trackers."""
     found = {}
     for name in (OURS, GMR):
         out = work / name / f"seed{seed}"
@@ -110,9 +110,9 @@ def measured(work: Path, recipe: Recipe, seed: int, workers: int) -> dict[str, l
 
 
 def train(bundle: Path, out: Path, recipe: Recipe, seed: int) -> None:
-    """Train the tracker of a bundle in a process of its own, or continue; nothing to do where `done.json` says so.
+    """Train the tracker of a bundle in a separate process, or continue; nothing to do if `done.json` exists.
 
-    Raises SystemExit where training fails, or where another recipe was trained in the folder.
+    Raises SystemExit if training fails, or if the folder holds another recipe's run.
     """
     asked = {**vars(recipe), "seed": seed}
     stated = out / "recipe.json"
@@ -138,7 +138,7 @@ def train(bundle: Path, out: Path, recipe: Recipe, seed: int) -> None:
 
 
 def rollouts(bundle: Path, robot_folder: Path, tracker: Path, workers: int) -> list[NominalRollout]:
-    """The undisturbed rollout of each clip of a bundle, in `workers` processes; 0: one a core."""
+    """Roll out each clip of a bundle without disturbance, in `workers` processes; 0: one per core."""
     robot = load_robot(robot_folder)
     setup = Setup(
         settings=settings_file.read(ROOT / "data/tracking.yaml", TrackingSettings),
@@ -155,7 +155,7 @@ def rollouts(bundle: Path, robot_folder: Path, tracker: Path, workers: int) -> l
 
 
 def bars_of(found: Mapping[int, Mapping[str, Sequence[NominalRollout]]]) -> list[Bar]:
-    """Survival and body error of both for each seed; of every seed ours has to survive at least a clip more."""
+    """Survival and body error of both for each seed; KP3 must survive at least one clip more with every seed."""
     bars = []
     for seed, each in found.items():
         values = {name: figures(rolled) for name, rolled in each.items()}
@@ -174,7 +174,7 @@ def _survival(rolled: Sequence[NominalRollout]) -> float:
 
 
 def table(found: Mapping[int, Mapping[str, Sequence[NominalRollout]]]) -> str:
-    """The comparison as a table in Markdown, a row a seed and one of their means."""
+    """The comparison as a Markdown table: one row per seed, and one of means."""
     rows = []
     for seed, each in found.items():
         survival = [100.0 * _survival(each[name]) for name in (GMR, OURS)]

@@ -26,7 +26,7 @@ from pipeline.tracking.task import CONTROL_HZ
 from pipeline.tracking.write_bundle import write_tracking_bundle
 
 HELD_OUT_EVERY = 4
-"""Every so many recordings, in the order of their names, one is held out."""
+"""Interval of held-out recordings, in the order of their names."""
 
 PIECE_S = 2.0
 """Held-out clips are cut into pieces of about this length [s], so that one fall does not count for a long recording.
@@ -35,11 +35,11 @@ Of 25 pieces of 5 s, 13 were followed by no tracker of six, and both retargeters
 LICENCE = "as the recordings'; for measuring, no policy of it ships"
 
 Retargeter = Callable[[HandedOn], RobotClip]
-"""A human clip to the robot's motion at `CONTROL_HZ`."""
+"""Function from a human clip to the robot's motion at `CONTROL_HZ`."""
 
 
 def prepare_files(paths: Sequence[Path], gmr: Gmr, work: Path) -> None:
-    """Read, repair and retarget the motion files, and `prepare` what comes of them."""
+    """Read, repair and retarget the motion files, then `prepare` the clips."""
     chain, robot = Chain(Project(ROOT)), load_robot(ROBOT)
     clips = handed_on(motion_files(paths), chain)
     prepare(clips, {OURS: _ours(robot), GMR: lambda clip: _theirs(clip, gmr, robot)}, work, robot)
@@ -61,10 +61,10 @@ def _theirs(clip: HandedOn, gmr: Gmr, robot: Robot) -> RobotClip:
 
 
 def prepare(clips: Sequence[HandedOn], retargeters: Mapping[str, Retargeter], work: Path, robot: Robot) -> None:
-    """Write a bundle to train on and one that is held out for each retargeter, and the robot that both are for.
+    """Write a training bundle and a held-out bundle for each retargeter, and their robot.
 
-    `work` gets `adapted_robot` and, for each retargeter, `<name>/trained_on` and `<name>/held_out`. Raises SystemExit
-    where one of them has no clip.
+    Writes `adapted_robot` and, for each retargeter, `<name>/trained_on` and `<name>/held_out` to `work`. Raises
+    SystemExit if a bundle has no clip.
     """
     recordings = sorted({clip.file.name for clip in clips})
     held_out = set(recordings[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY])
@@ -95,7 +95,7 @@ def prepare(clips: Sequence[HandedOn], retargeters: Mapping[str, Retargeter], wo
 
 
 def pieces_of(clip: RobotClip) -> list[RobotClip]:
-    """The clip in equal pieces of about `PIECE_S`, named `<clip>+<number>`; a clip of less than 1.5 pieces whole."""
+    """Cut a clip into equal pieces of about `PIECE_S`, named `<clip>+<number>`; keep it whole below 1.5 pieces."""
     count = max(round(clip.duration_s / PIECE_S), 1)
     edges = np.linspace(0, clip.frame_count, count + 1).astype(int)
     names = [f"{clip.name}+{number}" for number in range(count)] if count > 1 else [clip.name]

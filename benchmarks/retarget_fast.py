@@ -1,4 +1,4 @@
-"""Runs and side steps: their windows in motion files, the bars for them, and which share of them KP5 accepts."""
+"""Runs and side steps: their windows in motion files, their bars, and the share that KP5 accepts."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ BARS = {
     "pelvis_velocity_error_m_s": 0.15,
     "pelvis_acceleration_ratio": 2.0,
 }
-"""Largest figures over fast clips at 30 Hz, by their keys; those that are not named have no bar."""
+"""Largest metric values over fast clips at 30 Hz, by key; other metrics have no bar."""
 
 ACCEPTED_PERCENT = 80.0
-"""Least share of the labelled seconds that KP5 accepts."""
+"""Least share of the labelled time that KP5 accepts."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Labelled:
-    """A window of a run or of side steps, and what repair leaves of it."""
+    """A window of a run or of side steps, and its repaired pieces."""
 
     file: Path
     skill: str
@@ -50,7 +50,7 @@ class Labelled:
 
 
 def labelled(files: Sequence[Path], chain: Chain) -> list[Labelled]:
-    """The windows of `SKILLS` in motion files of persons."""
+    """Find the windows of `SKILLS` in motion files of persons."""
     found = []
     for file in files:
         for whole in chain.catalogued(chain.read(file, Statement())).pieces[:1]:
@@ -80,7 +80,7 @@ def pieces_of(windows: Sequence[Labelled]) -> list[HandedOn]:
 def accepted_bars(
     windows: Sequence[Labelled], retargeting: RetargetSettings, feasibility: FeasibilitySettings, robot: Robot
 ) -> list[Bar]:
-    """Share of the labelled seconds that go through repair, retargeting and KP5, of all skills and of each."""
+    """Share of the labelled time that passes repair, retargeting and KP5, in total and per skill."""
     labelled_s: dict[str, float] = dict.fromkeys(SKILLS, 0.0)
     accepted_s: dict[str, float] = dict.fromkeys(SKILLS, 0.0)
     for window in windows:

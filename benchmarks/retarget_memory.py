@@ -1,4 +1,4 @@
-"""Whether a process that retargets clip after clip grows: its resident memory early and late, over different clips."""
+"""Memory growth of a process that retargets many clips: resident memory early and late, over different clips."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pipeline.robot import Robot
 from tests.factories.human_clips import Gait, walker
 
 WARM = 100
-"""Clips before the first look: allocators have settled by then."""
+"""Clips before the first measurement, after which allocators have settled."""
 
 MOST_GROWTH_MB = 5.0
-"""From the first look to the last."""
+"""Largest growth from the first to the last measurement [MB]."""
 
 
 def bars(count: int, settings: RetargetSettings, robot: Robot) -> list[Bar]:
-    """Memory over `count` walks of a second, of different speeds."""
+    """Memory growth over `count` walks of one second at different speeds."""
     first = 0.0
     for index in range(count):
         human = walker(seconds=1.0, gait=Gait(speed_m_s=0.2 + 1.4 * (index % 97) / 97.0))

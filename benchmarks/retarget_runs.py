@@ -1,4 +1,4 @@
-"""Motion files through the project up to the robot, timed and scored: what the retargeting benchmark measures."""
+"""Motion files processed up to the robot, timed and scored, for the retargeting benchmark."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SUFFIXES = (".bvh", ".amc", ".npz", ".txt")
 
 @dataclass(frozen=True, kw_only=True)
 class HandedOn:
-    """A human clip as repair hands it on, and its file."""
+    """A repaired human clip and its file."""
 
     file: Path
     human: HumanClip
@@ -33,22 +33,22 @@ class HandedOn:
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """Clips of one rate from one retargeter: the robot's frames, processor seconds, a score a clip."""
+    """Clips of one retargeter at one rate: robot frames, CPU seconds, one score per clip."""
 
     frames: int
     cpu_s: tuple[float, ...]
-    """One a repetition, over all clips."""
+    """One value per repetition, over all clips."""
     scores: dict[str, Score]
-    """By the clip's name."""
+    """Scores by clip name."""
 
     @property
     def frames_per_second(self) -> tuple[float, ...]:
-        """One a repetition, from the slowest up."""
+        """One value per repetition, slowest first."""
         return tuple(sorted(self.frames / seconds for seconds in self.cpu_s))
 
 
 def motion_files(paths: Iterable[Path]) -> list[Path]:
-    """The files, and the motion files below the folders; a file that lies beside its AMC is no motion of its own."""
+    """The files, and the motion files in the folders; the ASF of an AMC is not a separate motion."""
     found = []
     for path in paths:
         below = sorted(each for each in path.rglob("*") if each.suffix in SUFFIXES) if path.is_dir() else [path]
@@ -57,7 +57,7 @@ def motion_files(paths: Iterable[Path]) -> list[Path]:
 
 
 def handed_on(files: Sequence[Path], chain: Chain, *, raw: bool = False) -> list[HandedOn]:
-    """What reader, catalogue and repair leave of the files, in their order; `raw`: as the catalogue has it."""
+    """Process the files by reader, catalogue and repair, in order; `raw`: without repair."""
     clips = []
     for file in files:
         for whole in chain.catalogued(chain.read(file, Statement())).pieces[:1]:
@@ -67,10 +67,10 @@ def handed_on(files: Sequence[Path], chain: Chain, *, raw: bool = False) -> list
 
 
 def run_ours(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot, repeat: int) -> Scored:
-    """Every clip retargeted and scored once, then `repeat` times timed: from the clip at the robot's rate to the
-    joints' motion.
+    """Retarget and score every clip once, then time it `repeat` times: from the clip at the robot's rate to the joint
+    motion.
 
-    Planning and all passes are within that time; the numbers that go into the metadata are not.
+    The time includes planning and all passes, but not the computation of metadata.
     """
     scores, frames = {}, 0
     for clip in clips:
@@ -88,7 +88,7 @@ def run_ours(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot
 
 
 def run_gmr(clips: Sequence[HandedOn], fps: float, gmr: Gmr, robot: Robot, repeat: int) -> Scored:
-    """The same clips through GMR, timed like ours: after a first run, from the clip at the rate to the joints."""
+    """Retarget the same clips with GMR, timed equally: after a first run, from the clip at the rate to the joints."""
     frames, cpu_s, scores = 0, np.zeros(repeat), {}
     for clip in clips:
         human = clip.human.resampled(fps)
@@ -99,7 +99,7 @@ def run_gmr(clips: Sequence[HandedOn], fps: float, gmr: Gmr, robot: Robot, repea
 
 
 def text_to_csv(files: Sequence[Path], chain: Chain, settings: RetargetSettings, robot: Robot) -> dict[str, float]:
-    """Processor seconds of each step from the files' text to CSV text, and the robot's `frames` that came of it."""
+    """CPU seconds of each step from the files' text to CSV text, and the resulting robot `frames`."""
     spent: dict[str, float] = dict.fromkeys(("read", "catalogue", "repair", "retarget", "write"), 0.0)
     frames = 0
     for file in files:

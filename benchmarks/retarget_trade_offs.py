@@ -1,4 +1,4 @@
-"""One picture: what a bar costs another. A weight is moved up and down, all else as chosen."""
+"""One picture of the trade-offs between metrics: one weight is varied, all others keep their settings."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from pipeline.scoring import pooled
 from pipeline.viewing.plots import png
 
 FACTORS = (0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.5)
-"""Of the chosen weight; 1 is the settings as they are."""
+"""Factors of the varied weight; 1 is the current setting."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Panel:
-    """A weight and the two figures that it moves against each other."""
+    """A weight and the two metrics that it trades against each other."""
 
     weight: str
     across: tuple[str, str, float]
-    """Key of the figure, its label, its bar."""
+    """Key of the metric, its label, its bar."""
     up: tuple[tuple[str, str], ...]
-    """Keys and labels of what is drawn over it."""
+    """Keys and labels of the metrics on the other axis."""
     up_label: str
     bar: float
 
@@ -53,11 +53,11 @@ PANELS = (
         bar=3.5,
     ),
 )
-"""What is drawn, from left to right."""
+"""Panels from left to right."""
 
 
 def picture(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot) -> bytes:
-    """PNG bytes: a panel a weight, a point a factor, the chosen settings ringed, bars as dashed lines."""
+    """Draw a PNG: a panel per weight, a point per factor, current settings ringed, bars as dashed lines."""
     figure = Figure(figsize=(13.0, 4.2), layout="constrained")
     for panel, axes in zip(PANELS, figure.subplots(1, len(PANELS)), strict=True):
         runs = [_figures(clips, _scaled(settings, panel.weight, factor), robot) for factor in FACTORS]

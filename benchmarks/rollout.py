@@ -1,10 +1,10 @@
-"""Speed of CPU rollouts: seconds of motion a second of wall time, observations, network and recording included.
+"""Speed of CPU rollouts: seconds of motion per second of wall time, including observations, network and recording.
 
     python -m benchmarks.rollout [--workers 2] [--repeats 3] [--every 4]
 
 Rolls out every fourth reference of `reference_motions` without disturbance, on all workers, and prints how well the
-tracker follows those that it was trained on and those that it was not (files that `excluded_clips` of
-data/curation.yaml left out while it was trained). Needs `expert_db` materialized.
+tracker follows trained and held-out references (files in `excluded_clips` of data/curation.yaml at training time).
+Needs a materialized `expert_db`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pipeline.tracking.tracker_folder import NETWORK, read_card
 
 
 def main() -> None:
-    """Print speed (median and range of the repeats) and the figures of the rollouts."""
+    """Print speed (median and range of the repeats) and the metrics of the rollouts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robot", default=DEFAULT_ROBOT)
     parser.add_argument("--workers", type=int, default=2)
@@ -50,7 +50,7 @@ def main() -> None:
     )
     asked = partial(nominal_rollout, setup=setup), [(clip,) for clip in motions]
     pool = ClipPool(workers=given.workers)
-    found = list(pool.map(*asked))  # workers start and import
+    found = list(pool.map(*asked))  # warm-up: workers start and import
     seconds = sum(clip.duration_s for clip in motions)
     speeds = []
     for _ in range(given.repeats):

@@ -1,11 +1,11 @@
-"""What a run costs beyond the work on its clips, for 100, 1,000 and 10,000 of them.
+"""Overhead of a run beyond the processing of clips, for 100, 1,000 and 10,000 clips.
 
     python benchmarks/scale.py [--sizes 100,1000,10000] [--workers 2] [--json] [--keep FOLDER]
 
-The clips are as cheap as they can be: a tenth of a second of a standing T1, which each stage changes a little. What is
-measured is the rest: asking the memo, spreading clips over processes, manifests, weights, and the database. Each size
-runs in processes of its own: cold, with nothing changed, and with one clip more. Time is processor time of all
-processes; memory is the largest resident memory of the main process, imports included.
+The clips are as cheap as possible: 0.1 s of a standing T1, which each stage changes slightly. The overhead is memo
+look-ups, distribution to processes, manifests, weights, and the database. Each size runs in separate processes: cold,
+without changes, and with one more clip. Time is CPU time of all processes; memory is the peak resident memory of the
+main process, including imports.
 """
 
 from __future__ import annotations
@@ -44,24 +44,24 @@ COLD, UNCHANGED, ONE_MORE = "cold", "unchanged", "one more"
 SECONDS = 0.1
 """Length of a clip [s]."""
 NUMBERS = 12
-"""Numbers that each stage adds to a clip, as many as the real ones do on average."""
+"""Numbers that each stage adds to a clip, the average of the real stages."""
 
 MOST_MAIN_MB = 1500.0
 MOST_UNCHANGED_S = 20.0
 MOST_ONE_MORE_S = 40.0
 MOST_RATIO = 3.0
-"""Cost of one more clip, the largest size over the smallest."""
+"""Largest ratio of the cost per added clip between the largest and the smallest size."""
 
 
 def read_clip(path: Path, name: str, number: int, clip: RobotClip) -> Outcome:
-    """The clip with a number: moved to its own place, so that no two have the same bytes."""
+    """The clip with a number, shifted so that no two have the same bytes."""
     moved = dataclasses.replace(clip, name=name, root_pos_w=clip.root_pos_w + np.array([0.001 * number, 0.0, 0.0]))
     numbers = {"seconds": clip.duration_s, "source": f"source{number % 20}", "licence": "CC0-1.0", "skill": "stand"}
     return Outcome(pieces=(Piece(clip=moved, numbers={**numbers, "number": number}),))
 
 
 def pass_on(clip: RobotClip, numbers: dict, *, stage: str) -> Outcome:
-    """The clip lifted by a micrometre, with numbers of the stage."""
+    """A stage: lift the clip by a micrometre and add numbers."""
     lifted = dataclasses.replace(clip, root_pos_w=clip.root_pos_w + np.array([0.0, 0.0, 1e-6]))
     number = int(numbers["number"])
     own = {f"{stage}_{index}": (number * 7 + index) / 1000.0 for index in range(NUMBERS)}
@@ -72,7 +72,7 @@ def pass_on(clip: RobotClip, numbers: dict, *, stage: str) -> Outcome:
 
 
 def run(root: Path, count: int, workers: int) -> None:
-    """The chain over `count` clips: every stage, weights, and the database where anything is new."""
+    """Run the chain over `count` clips: every stage, weights, and the database if anything changed."""
     store, pool, log = Store(root=root / "store"), ClipPool(workers=workers), logging.getLogger()
     robot = load_robot(ROOT / "robots/t1")
     clip = standing(robot, seconds=SECONDS)
@@ -101,7 +101,7 @@ def weighed(manifest: Manifest) -> Manifest:
 
 
 def database_entries(store: Store, manifest: Manifest):
-    """Entries of the database, each of which names its clip in the store."""
+    """Entries of the database, each with its clip's name in the store."""
     for entry in manifest.entries:
         yield ExpertEntry(
             clip=StoredClip(name=entry.clip, blob=entry.blob, store=store),
@@ -114,7 +114,7 @@ def database_entries(store: Store, manifest: Manifest):
 
 
 def look(root: Path) -> None:
-    """What a run does that finds nothing stale: every blob, manifest and file of the database is what it was."""
+    """Check, as a run without stale assets does, that all blobs, manifests and database files are unchanged."""
     store = Store(root=root / "store")
     for name in ("catalog", *STAGES):
         assert store.holds_blobs_of(name) and digest.of_file(store.manifest_path(name))
@@ -123,7 +123,7 @@ def look(root: Path) -> None:
 
 
 def step(root: Path, scenario: str, count: int, workers: int) -> tuple[float, float]:
-    """Processor time [s] of a scenario in a process of its own, and the largest memory of its main process [MB]."""
+    """CPU time of a scenario in a separate process [s], and the peak memory of its main process [MB]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, __file__, "--step", scenario, str(root), str(count), "--workers", str(workers)]
     made = subprocess.run(command, check=True, capture_output=True, text=True)

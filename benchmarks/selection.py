@@ -1,10 +1,10 @@
-"""Agreement of the skill windows with hand-checked windows of real recordings, per skill.
+"""Agreement of skill windows with manually checked windows of real recordings, per skill.
 
     python benchmarks/selection.py [--json] [--each] [FOLDER]
 
 FOLDER holds motion files and `segments.csv` (`file, skill, first_frame, last_frame`, both inclusive, frames of the
-file). A frame agrees when the window it falls into has its label. Files are read and catalogued first, so a
-corrected frame rate counts; windows that were labelled at a wrong rate are named in `TRUE_SKILL`.
+file). A frame agrees if its window has its label. Files are read and catalogued first, so a corrected frame
+rate applies; `TRUE_SKILL` lists windows that were labelled at a wrong rate.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from pipeline.readers import Statement, read_motion  # noqa: E402
 from pipeline.selection import SKILLS, Curation, find_windows  # noqa: E402
 
 TRUE_SKILL = {"cmu_bvh/02_03.bvh": "run"}
-"""Labelled from a wrong time base: what the file shows at its true rate."""
+"""True skills of windows that were labelled at a wrong rate."""
 STATED = {".amc": Statement(fps=120.0)}
-"""AMC has no rate; CMU records at 120 Hz."""
+"""Frame rate of AMC files, which do not state it: CMU records at 120 Hz."""
 LEAST_OVERALL, LEAST_EACH = 90.0, 75.0
-"""Per cent of the labelled seconds that have to agree, of all and of each skill."""
+"""Least agreement of the labelled time, in total and per skill [%]."""
 
 
 @dataclass
 class Agreement:
-    """Seconds of each skill that are labelled, and what they were found to be."""
+    """Labelled time of each skill, by the selected skill."""
 
     labelled_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     found_s: dict[tuple[str, str], float] = field(default_factory=lambda: defaultdict(float))
-    """(labelled skill, found skill) -> seconds."""
+    """(labelled skill, selected skill) -> time [s]."""
 
     def percent(self, skill: str) -> float:
         total = self.labelled_s.get(skill, 0.0)

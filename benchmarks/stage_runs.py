@@ -1,4 +1,4 @@
-"""What the graph did in one run of the README's command: each stage's span, memory and clips, read from its history."""
+"""Duration, memory and clips of each stage in a run of the README's command, from Dagster's history."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ CLIP_STAGES = (
 )
 STAGES = (*CLIP_STAGES, "robot_model", "tracking_policy", "expert_db", "expert_db_checks")
 BETWEEN = "start and between"
-"""Interpreter, imports, what is stale, Dagster's own bookkeeping: what is not within a step."""
+"""Time outside steps: interpreter, imports, staleness checks, Dagster's bookkeeping."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageRun:
     seconds: float
-    """Wall time of its step; of `start and between` what is left of the command's."""
+    """Wall time of its step [s]; for `start and between`, the rest of the command's."""
     cpu_s: float
-    """Processor time of all processes meanwhile [s]."""
+    """CPU time of all processes during the step [s]."""
     main_mb: float
-    """Largest resident memory of the command's process meanwhile [MB]; of `start and between` that before the steps."""
+    """Peak resident memory of the command's process during the step [MB]; for `start and between`, before the steps."""
     tree_mb: float
-    """The same of all its processes together."""
+    """Peak resident memory of all processes together [MB]."""
     recomputed: int | None = None
-    """Clips that were worked on; None where a stage does not go clip by clip."""
+    """Number of recomputed clips; None if a stage does not process clips."""
     unexpected: int | None = None
-    """How many more or fewer than the changed clip has there; None where no clip was changed."""
+    """Difference from the number of clips of the changed file; None without a changed clip."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +52,9 @@ class CommandRun:
     main_mb: float
     tree_mb: float
     arrived: int
-    """Motion files of which something is in the database."""
+    """Number of motion files with clips in the database."""
     stages: dict[str, StageRun]
-    """Those that ran, and `start and between`."""
+    """Stages that ran, and `start and between`."""
 
     @property
     def recomputed(self) -> int:
@@ -66,7 +66,7 @@ class CommandRun:
 
 
 def read_run(root: Path, watched: Watched, changed: str) -> CommandRun:
-    """What the run that was watched did in the checkout `root`; `changed` names the motion file's clip that changed."""
+    """Read the watched run in the checkout `root`; `changed` names the clip of the changed motion file."""
     stages = {}
     with _instance(root) as instance:
         spans = _spans(instance, watched.started_s)
@@ -99,7 +99,7 @@ def read_run(root: Path, watched: Watched, changed: str) -> CommandRun:
 
 @contextlib.contextmanager
 def _instance(root: Path) -> Iterator[dg.DagsterInstance]:
-    """The history of a checkout; its dagster.yaml names folders below the working directory."""
+    """Open the history of a checkout; its dagster.yaml names folders relative to the working directory."""
     before = Path.cwd()
     os.chdir(root)
     try:
@@ -110,7 +110,7 @@ def _instance(root: Path) -> Iterator[dg.DagsterInstance]:
 
 
 def _spans(instance: dg.DagsterInstance, since_s: float) -> dict[str, tuple[float, float]]:
-    """Start and end (epoch, s) of each step of the runs since a time, in order."""
+    """Start and end of each step of the runs since a time, in order [s since the epoch]."""
     spans = {}
     for record in instance.get_run_records():
         for step in instance.get_run_step_stats(record.dagster_run.run_id):
@@ -120,7 +120,7 @@ def _spans(instance: dg.DagsterInstance, since_s: float) -> dict[str, tuple[floa
 
 
 def _recomputed(instance: dg.DagsterInstance, name: str) -> int | None:
-    """Clips that a stage worked on; None where it had none to look at."""
+    """Number of clips that a stage recomputed; None if it does not process clips."""
     event = instance.get_latest_materialization_event(dg.AssetKey([name]))
     assert event is not None and event.asset_materialization is not None
     recomputed = event.asset_materialization.metadata.get("clips recomputed")
@@ -131,6 +131,6 @@ def _recomputed(instance: dg.DagsterInstance, name: str) -> int | None:
 
 
 def _clips_of(root: Path, stage: str, clip: str) -> int:
-    """Clips that come into a stage from one motion file: the file's clip, its windows, pieces and variants."""
+    """Number of input clips of a stage from one motion file: its clip, windows, pieces and variants."""
     names = Store(root=root / "data/store").load(stage).judged_table([])["clip"]
     return sum(name == clip or name.startswith((f"{clip}@", f"{clip}+", f"{clip}~")) for name in names)

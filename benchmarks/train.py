@@ -1,11 +1,11 @@
-"""Environment steps a second of training, with the networks' updates in the loop.
+"""Environment steps per second of training, including network updates.
 
     python -m benchmarks.train --bundle DIR [--device cuda|cpu] [--num-envs N] [--presets ...] [--iterations N] [--json]
                                [--stages amp distillation] [--physics plain warp]
 
-The bundle is the one that `amp_policy` writes (`data/policies/<robot>/bundle`). Each preset and stage trains in a
-process of its own; the first iterations, in which kernels load and buffers fill, do not count for the median. On a CPU
-take 64 environments with `plain` physics (MuJoCo in threads), 8 with `warp`; `--physics plain warp` compares them.
+`amp_policy` writes the bundle (`data/policies/<robot>/bundle`). Each preset and stage trains in a separate process; the
+median excludes the first iterations, in which kernels load and buffers fill. On a CPU use 64 environments with `plain`
+physics (MuJoCo in threads), 8 with `warp`; `--physics plain warp` compares both.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.report import Bar, machine, report  # noqa: E402
 
 WARM_UP = 5
-"""Iterations that do not count."""
+"""Warm-up iterations, excluded from the median."""
 BARS = {("recipe", "amp"): 150_000.0, ("paper", "amp"): 60_000.0}
-"""On one H100 or H200 at 4096 environments [steps/s]."""
+"""Least speed on one H100 or H200 with 4096 environments [steps/s]."""
 ITERATIONS = {"amp": "schedule.iterations", "distillation": "distillation.iterations"}
 
 
@@ -56,7 +56,7 @@ def main() -> int:
 
 
 def median_speed(given: argparse.Namespace, preset: str, stage: str, physics: str | None) -> float:
-    """Median over the iterations after the warm-up of a short run."""
+    """Median speed of a short run after the warm-up [steps/s]."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pipeline.training", *run_arguments(given, preset, stage, physics, folder)]
         status = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode
@@ -68,13 +68,13 @@ def median_speed(given: argparse.Namespace, preset: str, stage: str, physics: st
 
 
 def run_arguments(given: argparse.Namespace, preset: str, stage: str, physics: str | None, out: str) -> list[str]:
-    """Arguments of `pipeline.training` for a run of one stage; AMP + PPO begins without the distilled network.
+    """Arguments of `pipeline.training` for a run of one stage; AMP + PPO starts from scratch.
 
     Args:
         given: arguments of this benchmark
-        preset: what is trained
-        stage: of training
-        physics: `plain` or `warp`; None: the device's own
+        preset: preset of the options
+        stage: training stage
+        physics: `plain` or `warp`; None: the device's default
         out: folder of the run
     """
     options = [f"simulation.num_envs={given.num_envs}"]

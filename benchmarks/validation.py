@@ -1,12 +1,12 @@
-"""The validation in MuJoCo against published figures, planted faults and its time limits.
+"""Validation in MuJoCo compared with published results, planted faults and time limits.
 
     python -m benchmarks.validation [--json] [--parts anchor faults repeats quick full] [--workers 2]
                                     [--robot data/adapted_robot/t1] [POLICY]
 
 POLICY is the npz of the published walking policy of the T1 (by default `../shared/policies/t1_walk.npz` beside the
-checkout). `anchor` repeats its published sweep on the model that it was published with (the manufacturer's armatures,
-ankles damped with 2 N m s/rad) and puts the adapted robot beside it; `faults` plants each fault in the quick suite;
-`repeats` compares the bits of two runs, spread over processes and not; `quick` and `full` take the time of the suites.
+checkout). `anchor` repeats its published sweep on the published model (the manufacturer's armatures, ankles damped with
+2 N m s/rad) and on the adapted robot; `faults` plants each fault in the quick suite; `repeats` compares two runs bit by
+bit, with and without worker processes; `quick` and `full` measure the duration of the suites.
 """
 
 from __future__ import annotations
@@ -64,13 +64,13 @@ VELOCITIES = {
     "yaw +1.0": 0.98,
     "yaw +1.5": 1.47,
 }
-"""Published: achieved velocity on the commanded axis [m/s, rad/s]."""
+"""Published achieved velocity on the commanded axis [m/s, rad/s]."""
 
 SURVIVAL = {
     "standing": (1.0, 1.0, 1.0, 1.0, 0.38, 0.0),
     "walking": (1.0, 1.0, 1.0, 0.88, 0.52, 0.05),
 }
-"""Published: share of 64 pushes of 10, 20, … 60 N s survived."""
+"""Published share of 64 survived pushes of 10, 20, … 60 N s."""
 NEAR_VELOCITY, NEAR_SURVIVAL = 0.03, 0.1
 
 
@@ -104,7 +104,7 @@ def main() -> int:
 
 
 def anchor_bars(models: dict[str, Deployed], pool: ClipPool) -> list[Bar]:
-    """The published sweep on each model; bounds hold for the first, which is the published one."""
+    """Repeat the published sweep on each model; bounds apply to the first, the published one."""
     bars = []
     for place, (model, one) in enumerate(models.items()):
         cells = (*command_cells(JUDGED.seeds), *push_cells(one.robot, ("force",)))
@@ -125,7 +125,7 @@ def anchor_bars(models: dict[str, Deployed], pool: ClipPool) -> list[Bar]:
 
 
 def achieved(found: Measured) -> float:
-    """Mean velocity on the commanded axis over the seeds; forward where none is commanded."""
+    """Mean velocity on the commanded axis over the seeds; on the forward axis when standing."""
     axis = {"vy": "lateral", "ya": "yaw_rate"}.get(found.cell.name[:2], "forward")
     return found.spread(axis).get("mean", float("nan"))
 
@@ -135,7 +135,7 @@ def _near(name: str, difference: float, bound: float) -> Bar:
 
 
 def fault_bars(good: Deployed, pool: ClipPool) -> list[Bar]:
-    """Required cells of the quick suite that each fault fails; none of the policy as it is."""
+    """Required cells of the quick suite that each fault fails; the unchanged policy must fail none."""
     bounds = read_validation(ROOT / "data/validation.yaml", ROOT / "robots" / good.robot.name / "validation.yaml")
     cells = cells_of(QUICK, good.robot)
 
@@ -153,7 +153,7 @@ def fault_bars(good: Deployed, pool: ClipPool) -> list[Bar]:
 
 
 def own_normalizer(good: Deployed) -> Deployed:
-    """The same policy behind the mean and spread of what it sees on a walk: the published one has no normalizer."""
+    """The same policy with a normalizer fitted to observations of a walk; the published policy has none."""
     seen: list[np.ndarray] = []
 
     class Watched(type(good.policy)):
@@ -169,7 +169,7 @@ def own_normalizer(good: Deployed) -> Deployed:
 
 
 def repeats_bar(one: Deployed, pool: ClipPool) -> Bar:
-    """Numbers of some cells of every kind that differ in any bit between two runs."""
+    """Number of values, of some cells of every kind, that differ in any bit between two runs."""
     wanted = {"vx +1.0": 2, "sensor noise vx +1.0": 2, "terrain gravel 2 cm": 2, "push ball walking 1.3 m": 4}
     cells: tuple[Cell, ...] = named(one.robot, wanted)
     spread, alone = measure(one, cells, pool), measure(one, cells, ClipPool(workers=1))
@@ -178,7 +178,7 @@ def repeats_bar(one: Deployed, pool: ClipPool) -> Bar:
 
 
 def time_bars(one: Deployed, suite: str, pool: ClipPool) -> list[Bar]:
-    """Wall time of a suite."""
+    """Wall time of a suite [s]."""
     cells = cells_of(suite, one.robot)
     start = time.perf_counter()
     measure(one, cells, pool)

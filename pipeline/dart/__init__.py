@@ -1,1 +1,1 @@
-"""The robot in DART, which has hard contacts."""
+"""The robot in DART, an engine with hard contacts."""

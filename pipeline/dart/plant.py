@@ -13,7 +13,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.simulation.plant import Plant, PlantState, standing_state
 
-try:  # of all packages this one alone needs libraries of a desktop
+try:  # the only package that needs desktop libraries
     import dartpy as dart
 except ImportError as error:
     do = "Install the project, and the libraries libGL and libX11 (Debian: apt install libgl1 libx11-6)."
@@ -21,7 +21,7 @@ except ImportError as error:
 
 
 def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:
-    """Skeleton with a floating root, MuJoCo's self-collision and position limits; the motors limit speed and torque."""
+    """Build a skeleton with a floating root, self-collision and position limits; the motors limit speed and torque."""
     loader = dart.utils.DartLoader()
     skeleton = loader.parseSkeletonString(dynamics_urdf(robot), dart.common.Uri(""))
     skeleton.enableSelfCollisionCheck()
@@ -43,7 +43,7 @@ def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:
 
 
 def ground_skeleton(friction: float) -> dart.dynamics.Skeleton:
-    """A fixed box whose top is the plane z = 0."""
+    """Build the ground: a fixed box whose top is the plane z = 0."""
     thickness, side = 1.0, 400.0
     skeleton = dart.dynamics.Skeleton("ground")
     _, body = skeleton.createWeldJointAndBodyNodePair()
@@ -56,7 +56,7 @@ def ground_skeleton(friction: float) -> dart.dynamics.Skeleton:
 
 
 def set_friction(body: dart.dynamics.BodyNode, friction: float) -> None:
-    """Give all shapes of a body a coefficient of friction, and no bounce."""
+    """Set the friction coefficient of all shapes of a body, and zero restitution."""
     for index in range(body.getNumShapeNodes()):
         aspect = body.getShapeNode(index).getDynamicsAspect()
         aspect.setFrictionCoeff(friction)
@@ -86,7 +86,7 @@ class DartPlant(Plant):
     def reset(self, state: PlantState | None = None) -> None:
         """Restart from a state; None: the default pose on the ground.
 
-        The world is rebuilt, because collision detectors remember earlier pairs, which changes the bits of results.
+        The world is rebuilt, because collision detectors cache earlier pairs, which would make results irreproducible.
         """
         self._build()
         start = standing_state(self.robot) if state is None else state
@@ -139,7 +139,7 @@ class DartPlant(Plant):
         self._world.step()
 
     def foot_wrench_w(self) -> Float[np.ndarray, "2 6"]:
-        """Force [N] and moment about the foot links' origins [N m] on both feet in the last step, of all contacts."""
+        """Contact force [N] and moment about the foot links' origins [N m] on both feet in the last step."""
         wrench = np.zeros((2, 6))
         origins = [np.array(body.getWorldTransform().translation()).reshape(3) for body in self._feet]
         for side, point, force in self._foot_contacts():
@@ -148,17 +148,17 @@ class DartPlant(Plant):
         return wrench
 
     def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
-        """Add to the velocity [m/s] of the root and thereby of all links."""
+        """Add `delta_v_w` [m/s] to the velocity of the root and thereby of all links."""
         state = self.state()
-        turning = rotation.rotate(state.root_quat_w, state.root_ang_vel_b)
-        self._set_root_velocity(state.root_lin_vel_w + delta_v_w, turning)
+        ang_vel_w = rotation.rotate(state.root_quat_w, state.root_ang_vel_b)
+        self._set_root_velocity(state.root_lin_vel_w + delta_v_w, ang_vel_w)
 
     def _set_root_velocity(self, linear_w: np.ndarray, angular_w: np.ndarray) -> None:
         self._root.setAngularVelocity(angular_w)
         self._root.setLinearVelocity(linear_w)
 
     def _foot_contacts(self) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-        """Foot index, point and force on it for each contact; DART reports the force on the first object."""
+        """Foot index, contact point and force on the foot, per contact; DART reports the force on the first object."""
         result = self._world.getLastCollisionResult()
         for index in range(result.getNumContacts()):
             contact = result.getContact(index)

@@ -1,4 +1,4 @@
-"""What runs on the robot: observation, network, joint targets. Used by engines, exports and logs; needs only numpy."""
+"""Policy code of the robot: observation, network, joint targets. Used by engines, exports, logs; needs only numpy."""
 
 from pipeline.deployment.controller import History, PolicyController, Reading, frame
 from pipeline.deployment.policy import (

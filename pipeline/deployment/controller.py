@@ -13,12 +13,12 @@ from pipeline.errors import PipelineError
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """What a controller is given of the robot. Joints in the robot's order."""
+    """Sensor input of a controller; joints in the robot's order."""
 
     gyro_b: Float[np.ndarray, " 3"]
     """Angular velocity of the root in its frame [rad/s]."""
     gravity_b: Float[np.ndarray, " 3"]
-    """Direction of gravity in the root's frame, unit."""
+    """Unit gravity vector in the root's frame."""
     joint_pos: Float[np.ndarray, " j"]
     """[rad]"""
     joint_vel: Float[np.ndarray, " j"]
@@ -28,21 +28,23 @@ class Reading:
 def frame(
     task: DeploymentTask, reading: Reading, command: Float[np.ndarray, " 3"], last_action: Float[np.ndarray, " a"]
 ) -> Float[np.ndarray, " f"]:
-    """One frame: gyro, gravity, command, q - q0, dq, last action; joints in the policy's order.
+    """Build a frame: gyro, gravity, command, q - q0, dq, last action; joints in the policy's order.
 
     Args:
         task: joints and default pose
-        reading: what the sensors say
+        reading: sensor readings
         command: forward and lateral velocity [m/s], yaw rate [rad/s]
         last_action: action of the previous control step, in the policy's order; zeros at the start
     """
     index = task.policy_index
-    away = reading.joint_pos[index] - task.default_joint_pos[index]
-    return np.concatenate([reading.gyro_b, reading.gravity_b, command, away, reading.joint_vel[index], last_action])
+    joint_offset = reading.joint_pos[index] - task.default_joint_pos[index]
+    return np.concatenate(
+        [reading.gyro_b, reading.gravity_b, command, joint_offset, reading.joint_vel[index], last_action]
+    )
 
 
 class History:
-    """The last frames, time-major, oldest first; zeros before the first ones."""
+    """The last frames, time-major, oldest first; zeros before the first frame."""
 
     def __init__(self, task: DeploymentTask):
         self._frames = np.zeros((task.history, task.frame_size))
@@ -61,13 +63,13 @@ class PolicyMisfitError(PipelineError):
 
     def __init__(self, task: DeploymentTask, policy: Policy):
         got = f"{policy.observation_size} observations and {policy.action_size} actions"
-        wanted = f"{task.observation_size} and {len(task.policy_joints)}"
+        expected = f"{task.observation_size} and {len(task.policy_joints)}"
         detail = f"{task.history} frames of {task.frame_size}"
-        super().__init__(f"the policy has {got}; robot '{task.robot}' takes {wanted} ({detail}).")
+        super().__init__(f"the policy has {got}; robot '{task.robot}' takes {expected} ({detail}).")
 
 
 class PolicyController:
-    """Keeps history and last action of one rollout, called at `control_hz`. Raises PolicyMisfitError."""
+    """Controller of one rollout, with history and last action; call it at `control_hz`. Raises PolicyMisfitError."""
 
     def __init__(self, task: DeploymentTask, policy: Policy):
         if (policy.observation_size, policy.action_size) != (task.observation_size, len(task.policy_joints)):
@@ -86,7 +88,7 @@ class PolicyController:
 
     def fork(self) -> "PolicyController":
         """A copy in the same state."""
-        twin = copy.copy(self)  # no array of the state is ever changed in place
+        twin = copy.copy(self)  # state arrays are never modified in place
         twin._history = copy.copy(self._history)
         return twin
 

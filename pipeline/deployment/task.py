@@ -17,23 +17,23 @@ else:  # the robot package imports MuJoCo, which is not needed on the robot
     Robot = Any
 
 ACTION_SCALE = 0.25
-"""Action scale of Booster's published walking policy and of ours [rad]."""
+"""Action scale of Booster's published walking policy and of this project's policies [rad]."""
 HISTORY = 10
 CONTROL_HZ = 50.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeploymentTask:
-    """J joints in the robot's order, A of them moved by the policy in the network's order."""
+    """Task with J joints in the robot's order; the policy moves A of them, in the network's order."""
 
     robot: str
     """Name of the robot."""
     joint_names: tuple[str, ...]
-    """The J joints in hardware order, the order of every array here but `policy_index`."""
+    """The J joints in hardware order, which is the order of all arrays except `policy_index`."""
     policy_joints: tuple[str, ...]
     """The A joints that the policy reads and moves, in the network's order."""
     default_joint_pos: Float[np.ndarray, " j"]
-    """Offset of joint positions, and target of the joints that the policy does not move [rad]."""
+    """Offset of observed joint positions, and target of joints that the policy does not move [rad]."""
     kp: Float[np.ndarray, " j"]
     """[N m/rad]"""
     kd: Float[np.ndarray, " j"]
@@ -65,7 +65,14 @@ def deployment_task(
     kd: Float[np.ndarray, " j"] | None = None,
     default_joint_pos: Float[np.ndarray, " j"] | None = None,
 ) -> DeploymentTask:
-    """The task of a robot; gains and default pose default to the robot's."""
+    """Build the task of a robot.
+
+    Args:
+        robot: joints and defaults
+        kp: stiffness [N m/rad]; None: the robot's
+        kd: damping [N m s/rad]; None: the robot's
+        default_joint_pos: default pose [rad]; None: the robot's
+    """
     return DeploymentTask(
         robot=robot.name,
         joint_names=robot.joint_names,
@@ -77,20 +84,20 @@ def deployment_task(
 
 
 class PolicyJointsError(PipelineError):
-    """A policy whose gains are of other joints than the robot's."""
+    """The joints of a policy's gains differ from the robot's."""
 
     def __init__(self, robot: Robot, names: Sequence[str]):
         lacking = [name for name in robot.joint_names if name not in names]
         foreign = [name for name in names if name not in robot.joint_names]
         has = f" and has {', '.join(foreign)}, which the robot does not have" if foreign else ""
         super().__init__(
-            f"the policy is not of robot '{robot.name}': it lacks the joints {', '.join(lacking)}{has}. "
+            f"the policy does not fit robot '{robot.name}': it lacks the joints {', '.join(lacking)}{has}. "
             "Name the policy's robot with --robot."
         )
 
 
 def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
-    """The task with the policy's own gains and default pose, else the robot's. Raises PolicyJointsError."""
+    """Build the task with the policy's gains and default pose, else the robot's. Raises PolicyJointsError."""
     gains = policy.gains
     if gains is None:
         return deployment_task(robot)
@@ -103,10 +110,10 @@ def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
     return deployment_task(robot, kp=kp, kd=kd, default_joint_pos=default)
 
 
-def in_order(values: np.ndarray, names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
-    """Values of `names`, reordered as `wanted`. Raises UnknownNameError for a missing name."""
-    where = {name: index for index, name in enumerate(names)}
-    for name in wanted:
-        if name not in where:
+def in_order(values: np.ndarray, names: Sequence[str], order: Sequence[str]) -> np.ndarray:
+    """Reorder `values` of `names` to `order`. Raises UnknownNameError for a missing name."""
+    indices = {name: index for index, name in enumerate(names)}
+    for name in order:
+        if name not in indices:
             raise UnknownNameError("joint", name, tuple(names))
-    return np.asarray(values)[[where[name] for name in wanted]]
+    return np.asarray(values)[[indices[name] for name in order]]

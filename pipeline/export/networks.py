@@ -18,7 +18,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.deployment import DeploymentTask, Policy
-from pipeline.deployment.policy import MOST_BYTES
+from pipeline.deployment.policy import MAX_POLICY_BYTES
 from pipeline.errors import FileError
 from pipeline.export.card import check_stated
 from pipeline.export.metadata import as_texts, from_texts, metadata
@@ -152,7 +152,7 @@ def read_torch_script(path: Path) -> tuple[Any, dict[str, Any]]:
     """
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the TorchScript file of an exported policy.")
-    if not any("/code/" in name for name in check_torch_archive(path, MOST_BYTES)):
+    if not any("/code/" in name for name in check_torch_archive(path, MAX_POLICY_BYTES)):
         raise FileError(path, "is a checkpoint or another archive without code/.", "Export the policy as TorchScript.")
     extra = {FACTS: ""}
     try:

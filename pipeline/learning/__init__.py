@@ -1,1 +1,1 @@
-"""What tracking and adversarial training share: the robot in mjlab, plain physics, checkpoints, policy files."""
+"""Shared by tracking and AMP training: the robot in mjlab, plain MuJoCo physics, checkpoints, policy files."""

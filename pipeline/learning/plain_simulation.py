@@ -1,11 +1,10 @@
-"""MuJoCo in the place of MuJoCo Warp where there is no GPU: each environment with a state of its own, in threads.
+"""MuJoCo on the CPU instead of MuJoCo Warp: one MjData per environment, stepped in threads.
 
-mjlab's arrays stay what everybody reads and writes. What is written to them (state, controls, forces, fields of the
-model that environments have their own of) is taken up before MuJoCo works; what it works out is written back, of steps
-between control steps the state alone. So rewards, observations and draws are the same code as on a GPU. Arrays not in
-WRITTEN keep what they were made with.
+The interface remains mjlab's arrays. Inputs (state, controls, forces, per-environment model fields) are copied to
+MuJoCo before each call; outputs are copied back, after intermediate physics steps only the state. Rewards, observations
+and randomization therefore use the same code as on a GPU. Arrays outside OUTPUT_FIELDS keep their initial values.
 
-On a plane both engines step alike; on a heightfield they find other contacts.
+On a plane both engines give equal steps; on a heightfield their contacts differ.
 """
 
 import copy
@@ -20,46 +19,46 @@ import warp as wp
 from mjlab.managers.event_manager import RecomputeLevel
 from mjlab.sim import Simulation
 
-TAKEN = ("qpos", "qvel", "ctrl", "qfrc_applied", "xfrc_applied")
-"""Of the data, what may be written from outside."""
+INPUT_FIELDS = ("qpos", "qvel", "ctrl", "qfrc_applied", "xfrc_applied")
+"""Input fields of the data."""
 
-WRITTEN = (
+OUTPUT_FIELDS = (
     *("qpos", "qvel", "qacc", "xpos", "xquat", "xmat", "xipos", "site_xpos", "site_xmat", "geom_xpos", "geom_xmat"),
     *("cvel", "subtree_com", "qfrc_actuator", "actuator_force", "sensordata"),
 )
-"""Of the data, what MuJoCo works out and is written back; the time too."""
+"""Fields of the data that MuJoCo computes and that are copied back, besides the time."""
 
 STATE = ("qpos", "qvel")
-"""Of that, what motors act by."""
+"""Output fields that motors read."""
 
 
 class _Inputs:
-    """An array (n, …) that is written from outside, and where each state has its row of it."""
+    """An input array (n, …) of mjlab, and the views of its rows in each MjData."""
 
     def __init__(self, array: np.ndarray, views: list[np.ndarray]):
         self._array, self._views = array, views
-        self._known = np.full_like(array, np.nan)
+        self._synced = np.full_like(array, np.nan)
 
-    def take_up(self) -> None:
-        """Rows that are not what the states have."""
-        changed = np.flatnonzero((self._known != self._array).reshape(len(self._array), -1).any(axis=1))
+    def copy_changed(self) -> None:
+        """Copy the changed rows to MjData."""
+        changed = np.flatnonzero((self._synced != self._array).reshape(len(self._array), -1).any(axis=1))
         for row in changed:
             self._views[row][...] = self._array[row]
-        self._known[changed] = self._array[changed]
+        self._synced[changed] = self._array[changed]
 
     def read(self, rows: np.ndarray) -> None:
-        """What the states have in some rows."""
+        """Copy `rows` from MjData."""
         for row in rows:
             self._array[row] = self._views[row]
-        self._known[rows] = self._array[rows]
+        self._synced[rows] = self._array[rows]
 
-    def know(self) -> None:
-        """The array is what the states have."""
-        self._known[:] = self._array
+    def mark_synced(self) -> None:
+        """Mark the array as equal to MjData."""
+        self._synced[:] = self._array
 
 
 class _Outputs:
-    """An array (n, …) that is written with what each state has."""
+    """An output array (n, …) of mjlab, and the views of its rows in each MjData."""
 
     def __init__(self, array: np.ndarray, views: list[np.ndarray]):
         self._array, self._views = array, views
@@ -67,114 +66,118 @@ class _Outputs:
         self._all = np.empty(array.size)
 
     def write(self) -> None:
-        """All rows; joined first, as one copy for all costs less than one for each."""
+        """Copy all rows from MjData, concatenated first, because one copy is faster than n."""
         np.concatenate(self._flat, out=self._all)
         self._array[...] = self._all.reshape(self._array.shape)
 
     def read(self, rows: np.ndarray) -> None:
-        """What the states have in some rows."""
+        """Copy `rows` from MjData."""
         for row in rows:
             self._array[row] = self._views[row].reshape(self._array.shape[1:])
 
 
 class PlainSimulation(Simulation):
-    """Takes the place of a simulation that mjlab made on a processor, with its arrays."""
+    """Replacement for a CPU simulation of mjlab that keeps its arrays."""
 
-    def __init__(self, made: Simulation):
-        self.__dict__.update(made.__dict__)  # mjlab's scene holds the arrays already: they must stay the same ones
-        self._template = copy.copy(made.mj_model)
-        self._template.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # Warp has none: who is lost, ends
-        self._template.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # axes of inertia may be drawn
+    def __init__(self, simulation: Simulation):
+        self.__dict__.update(simulation.__dict__)  # mjlab's scene already refers to these arrays
+        self._template = copy.copy(simulation.mj_model)
+        self._template.opt.disableflags |= (
+            mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        )  # as in MuJoCo Warp; diverged episodes terminate
+        self._template.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # inertia axes may be randomized
         self._models = [self._template] * self.num_envs
         self._states = [mujoco.MjData(self._template) for _ in range(self.num_envs)]
         self._time = self._array("time")
-        self._inputs = {name: _Inputs(self._array(name), self._of_each(name)) for name in TAKEN}
-        self._outputs = {name: _Outputs(self._array(name), self._of_each(name)) for name in WRITTEN}
-        self._own: dict[str, np.ndarray] = {}
-        """Fields of the models as they were last taken up."""
+        self._inputs = {name: _Inputs(self._array(name), self._views(name)) for name in INPUT_FIELDS}
+        self._outputs = {name: _Outputs(self._array(name), self._views(name)) for name in OUTPUT_FIELDS}
+        self._model_fields: dict[str, np.ndarray] = {}
+        """Model fields as last copied to the models."""
         threads = min(len(os.sched_getaffinity(0)), self.num_envs)
-        self._parts = [range(self.num_envs)[first::threads] for first in range(threads)]
+        self._chunks = [range(self.num_envs)[first::threads] for first in range(threads)]
         self._threads = ThreadPoolExecutor(threads)
 
     def step(self) -> None:
-        """One physics step of all; what else than the state is written back is of its beginning, as in Warp."""
-        self._work(mujoco.mj_step)
+        """One physics step; outputs other than the state are those at its beginning, as in MuJoCo Warp."""
+        self._run(mujoco.mj_step)
 
     def step_between(self) -> None:
-        """One physics step of which nobody reads more than state and time: nothing else is written back."""
-        self._work(mujoco.mj_step, STATE)
+        """One physics step that copies back only state and time."""
+        self._run(mujoco.mj_step, STATE)
 
     def forward(self) -> None:
-        """Everything that follows from the state."""
-        self._work(mujoco.mj_forward)
+        """Compute all outputs from the state."""
+        self._run(mujoco.mj_forward)
 
     def reset(self, env_ids: torch.Tensor | None = None) -> None:
-        """The model's own state for some: a mask (n,) or indices; None: for all."""
-        chosen = torch.zeros(self.num_envs, dtype=torch.bool)
-        chosen[slice(None) if env_ids is None else env_ids] = True
-        rows = np.flatnonzero(chosen.numpy())
+        """Reset to the model's initial state; `env_ids`: a mask (n,) or indices, None for all."""
+        mask = torch.zeros(self.num_envs, dtype=torch.bool)
+        mask[slice(None) if env_ids is None else env_ids] = True
+        rows = np.flatnonzero(mask.numpy())
         for row in rows:
             mujoco.mj_resetData(self._models[row], self._states[row])
-        for kept in (*self._inputs.values(), *(self._outputs[name] for name in ("qacc", "sensordata"))):
-            kept.read(rows)
+        for array in (*self._inputs.values(), *(self._outputs[name] for name in ("qacc", "sensordata"))):
+            array.read(rows)
         self._time[rows] = 0.0
 
     def recompute_constants(self, level: RecomputeLevel) -> None:
-        """What follows from masses and inertias, in every environment's own model; all of it at any level."""
-        self._take_up_models()
+        """Recompute all constants that depend on masses and inertias, in every model, whatever the level."""
+        self._copy_changed_models()
         scratch = mujoco.MjData(self._template)
         for model in self._models:
             mujoco.mj_setConst(model, scratch)
         for name in sorted(self._expanded_fields):
-            known = self._own[name]
-            known[:] = [getattr(model, name).reshape(known.shape[1:]) for model in self._models[: len(known)]]
-            self._field(name)[:] = known
+            values = self._model_fields[name]
+            values[:] = [getattr(model, name).reshape(values.shape[1:]) for model in self._models[: len(values)]]
+            self._field(name)[:] = values
 
-    def _work(self, work: Callable[[mujoco.MjModel, mujoco.MjData], None], written: tuple[str, ...] = WRITTEN) -> None:
-        self._take_up_models()
-        for given in self._inputs.values():
-            given.take_up()
+    def _run(
+        self, function: Callable[[mujoco.MjModel, mujoco.MjData], None], outputs: tuple[str, ...] = OUTPUT_FIELDS
+    ) -> None:
+        self._copy_changed_models()
+        for array in self._inputs.values():
+            array.copy_changed()
 
-        def some(rows: range) -> None:
+        def run_rows(rows: range) -> None:
             models, states = self._models, self._states
             for row in rows:
-                work(models[row], states[row])
+                function(models[row], states[row])
 
         with self.nan_guard.watch(self.data):
-            list(self._threads.map(some, self._parts))
-        for name in written:
+            list(self._threads.map(run_rows, self._chunks))
+        for name in outputs:
             self._outputs[name].write()
         for name in STATE:
-            self._inputs[name].know()
+            self._inputs[name].mark_synced()
         self._time[:] = [state.time for state in self._states]
 
-    def _take_up_models(self) -> None:
-        """Fields in which environments have become different, and gravity."""
+    def _copy_changed_models(self) -> None:
+        """Copy changed per-environment model fields, and gravity, to the models."""
         for name in (*sorted(self._expanded_fields), "gravity"):
-            given = self._field(name)
-            known = self._own.get(name)
-            if known is None or known.shape != given.shape:
-                known = self._own[name] = np.full_like(given, np.nan)
-            changed = np.flatnonzero((known != given).reshape(len(given), -1).any(axis=1))
+            field = self._field(name)
+            synced = self._model_fields.get(name)
+            if synced is None or synced.shape != field.shape:
+                synced = self._model_fields[name] = np.full_like(field, np.nan)
+            changed = np.flatnonzero((synced != field).reshape(len(field), -1).any(axis=1))
             if len(changed) == 0:
                 continue
             if self._models[0] is self._template:
                 self._models = [copy.copy(self._template) for _ in range(self.num_envs)]
-            for row in range(self.num_envs) if len(given) == 1 else changed:
+            for row in range(self.num_envs) if len(field) == 1 else changed:
                 owner = self._models[row].opt if name == "gravity" else self._models[row]
                 target = getattr(owner, name)
-                target[:] = given[min(row, len(given) - 1)].reshape(target.shape)
-            known[:] = given
+                target[:] = field[min(row, len(field) - 1)].reshape(target.shape)
+            synced[:] = field
 
     def _field(self, name: str) -> np.ndarray:
-        """A field of mjlab's model (n or 1, …): a view; slopes put another array there for gravity."""
+        """View of a field of mjlab's model (n or 1, …); slopes replace the array of gravity."""
         owner = self._wp_model.opt if name == "gravity" else self._wp_model
         return wp.to_torch(getattr(owner, name)).numpy()
 
     def _array(self, name: str) -> np.ndarray:
-        """A view of an array of mjlab's data (n, …)."""
+        """View of an array of mjlab's data (n, …)."""
         return wp.to_torch(getattr(self._wp_data, name)).numpy()
 
-    def _of_each(self, name: str) -> list[np.ndarray]:
-        """Views of what every state has by that name."""
+    def _views(self, name: str) -> list[np.ndarray]:
+        """Views of a field in each MjData."""
         return [getattr(state, name) for state in self._states]

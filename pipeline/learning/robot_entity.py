@@ -1,4 +1,4 @@
-"""The robot in mjlab: its model, motors, collision shapes and default pose."""
+"""The robot as an mjlab entity: model, motors, collision shapes and default pose."""
 
 import math
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ from mjlab.utils.spec_config import CollisionCfg
 from pipeline.learning.robot_facts import RobotFacts
 
 GROUND, FEET = 1, 2
-"""Bits of the collision masks: everything meets the ground; feet also meet feet and shanks."""
+"""Collision bits: all shapes collide with the ground; feet also with feet and shanks."""
 
 
 class LineMotor(DcMotorActuator):
-    """mjlab's DC motor for position targets alone, in a third of its launches."""
+    """mjlab's DC motor for position targets only, with a third of its kernel launches."""
 
     @staticmethod
     def control_law(params: dict[str, torch.Tensor], cmd: ActuatorCmd) -> torch.Tensor:
-        """kp (target - q) - kd dq, behind the line through the stall torque and the no-load speed and the limit."""
+        """kp (target - q) - kd dq, clipped by the torque-speed line and the torque limit (n, j) [N m]."""
         limit, stall = params["force_limit"], params["saturation_effort"]
         torque = params["stiffness"] * (cmd.position_target - cmd.pos) - params["damping"] * cmd.vel
         fall = stall * cmd.vel / params["velocity_limit_motor"]
@@ -39,7 +39,7 @@ class LineMotorCfg(DcMotorActuatorCfg):
 
 
 def robot_entity(robot: RobotFacts) -> EntityCfg:
-    """The robot with its motors; joints that the policy doesn't move have the same kind of motor."""
+    """The robot with motors of one type on all joints, including those that the policy does not move."""
     return EntityCfg(
         spec_fn=lambda: mujoco.MjSpec.from_string(robot.mjcf),
         init_state=EntityCfg.InitialStateCfg(
@@ -57,9 +57,9 @@ def robot_entity(robot: RobotFacts) -> EntityCfg:
 
 
 def _motor(robot: RobotFacts, joint: int) -> LineMotorCfg:
-    """A joint's motor: position control behind its torque limit and its torque-speed line."""
+    """A joint's motor: position control clipped by its torque limit and torque-speed line."""
     no_load = float(robot.no_load_speed[joint])
-    if math.isnan(no_load):  # the same kind of motor, so that all of them stay one batch: a line no joint reaches
+    if math.isnan(no_load):  # a line that no joint reaches, so that all motors stay one batch
         no_load, stall = 1e6, 1e3 * float(robot.effort_limit[joint])
     else:
         stall = float(robot.saturation_effort[joint])
@@ -74,7 +74,7 @@ def _motor(robot: RobotFacts, joint: int) -> LineMotorCfg:
 
 
 def _collisions(robot: RobotFacts) -> CollisionCfg:
-    """Feet, shanks and the outermost shapes meet the ground; of the robot itself only feet and shanks meet."""
+    """Feet, shanks and outermost shapes collide with the ground; self-collision is of feet and shanks only."""
     feet, shanks, others = (robot.shapes[kind] for kind in ("feet", "shanks", "others"))
     named = {f"^{name}$": (FEET, GROUND | FEET) for name in feet} | {f"^{name}$": (0, GROUND | FEET) for name in shanks}
     named |= {f"^{name}$": (0, GROUND) for name in others}

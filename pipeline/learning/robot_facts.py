@@ -1,6 +1,6 @@
-"""What a training environment must know of a robot: names, orders, default pose, gains, motor limits, collision shapes.
+"""Robot parameters of a training environment: names, orders, default pose, gains, motor limits, collision shapes.
 
-Read from `robot.json` and `robot.xml` of a training bundle, so that a GPU host needs nothing else of the project.
+Read from `robot.json` and `robot.xml` of a training bundle, so that a GPU host needs no other file of the project.
 """
 
 import hashlib
@@ -20,12 +20,12 @@ CURE = (
 )
 
 T1_WEIGHT_N, T1_LEG_M = 31.734 * GRAVITY, 0.5516
-"""Size of the robot that the figures of the paper and of the recipe are for."""
+"""Weight and leg length of the T1, for which the values of paper and recipe are given."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotFacts:
-    """J joints in hardware order; A of them, in the network's order, are the policy's."""
+    """Parameters of a robot with J joints in hardware order; the policy moves A of them, in the network's order."""
 
     name: str
     mjcf: str
@@ -48,9 +48,9 @@ class RobotFacts:
     effort_limit: np.ndarray
     """[N m]"""
     saturation_effort: np.ndarray
-    """Where the torque-speed line meets standstill [N m]; NaN where the line is not known."""
+    """Stall torque of the torque-speed line (j,) [N m]; NaN if unknown."""
     no_load_speed: np.ndarray
-    """[rad/s]; NaN where it is not known."""
+    """No-load speed of the torque-speed line (j,) [rad/s]; NaN if unknown."""
     mirror_index: np.ndarray
     mirror_sign: np.ndarray
     hands: tuple[str, str]
@@ -58,43 +58,43 @@ class RobotFacts:
     """Sites at the centres of the soles."""
     foot_links: tuple[str, str]
     key_links: tuple[str, ...]
-    """Links whose pose the tracking task compares; the root link is one of them. Empty in bundles without them."""
+    """Links whose poses the tracking task compares, including the root link; empty in bundles without tracker data."""
     shapes: dict[str, list[str]]
     """Collision shapes: `feet`, `shanks`, `others`."""
 
     @property
     def weight_ratio(self) -> float:
-        """Weight over the T1's: forces that are given for the T1 are times this."""
+        """Weight relative to the T1, a factor for forces given for the T1."""
         return self.weight / T1_WEIGHT_N
 
     @property
     def leg_ratio(self) -> float:
-        """Leg length over the T1's: lengths that are given for the T1 are times this, speeds times its root."""
+        """Leg length relative to the T1, a factor for lengths given for the T1; its square root scales speeds."""
         return self.leg_length / T1_LEG_M
 
     def index(self, names: tuple[str, ...]) -> np.ndarray:
-        """Where `names` are among the joints."""
+        """Indices of `names` in `joint_names`."""
         return np.array([self.joint_names.index(name) for name in names])
 
 
 def read_head(folder: Path, schema: str) -> tuple[dict[str, Any], str]:
-    """`bundle.json` of a bundle and its digest; it states the digests of the other files, which are checked.
+    """Read `bundle.json` and its SHA-256, and check the digests of the other files that it lists.
 
-    Raises TrainingError where a file is missing, changed or of another schema.
+    Raises TrainingError if a file is missing, changed or of another schema.
     """
     head = _bytes(folder / "bundle.json")
     try:
         about = json.loads(head)
     except ValueError as error:
         raise TrainingError(f"{folder}/bundle.json: is not JSON ({error}). {CURE}") from error
-    found = about.get("schema") if isinstance(about, dict) else about
-    if found != schema:
-        raise TrainingError(f"{folder}/bundle.json: schema {found!r}; this version reads {schema!r}. {CURE}")
+    actual = about.get("schema") if isinstance(about, dict) else about
+    if actual != schema:
+        raise TrainingError(f"{folder}/bundle.json: schema {actual!r}; this version reads {schema!r}. {CURE}")
     if not isinstance(about.get("files"), dict):
-        raise TrainingError(f"{folder}/bundle.json: states no digests of its files. {CURE}")
-    for name, stated in about["files"].items():
-        if hashlib.sha256(_bytes(folder / name)).hexdigest() != stated:
-            raise TrainingError(f"{folder / name}: its digest is not the one in bundle.json. {CURE}")
+        raise TrainingError(f"{folder}/bundle.json: has no digests of its files. {CURE}")
+    for name, expected in about["files"].items():
+        if hashlib.sha256(_bytes(folder / name)).hexdigest() != expected:
+            raise TrainingError(f"{folder / name}: its digest differs from the one in bundle.json. {CURE}")
     return about, hashlib.sha256(head).hexdigest()
 
 
@@ -105,7 +105,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def read_robot_facts(folder: Path) -> RobotFacts:
-    """The robot of a bundle. Raises TrainingError where `robot.json` or `robot.xml` is missing or incomplete."""
+    """Read the robot of a bundle. Raises TrainingError if `robot.json` or `robot.xml` is missing or incomplete."""
     try:
         facts = json.loads((folder / "robot.json").read_text())
         return robot_facts(facts, (folder / "robot.xml").read_text())
@@ -115,12 +115,12 @@ def read_robot_facts(folder: Path) -> RobotFacts:
 
 
 def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:
-    """The robot of the values of `robot.json` and the text of `robot.xml`."""
+    """Build the robot from the values of `robot.json` and the text of `robot.xml`."""
     numbers = ("default_joint_pos", "kp", "kd", "effort_limit", "saturation_effort", "no_load_speed", "mirror_sign")
     names = ("joint_names", "controlled", "policy_joints", "hands", "feet", "foot_links")
-    taken: dict[str, Any] = {name: np.array(facts[name], dtype=float) for name in numbers}
-    taken |= {name: tuple(facts[name]) for name in names}
+    values: dict[str, Any] = {name: np.array(facts[name], dtype=float) for name in numbers}
+    values |= {name: tuple(facts[name]) for name in names}
     plain = ("root_link", "default_root_height", "fall_height", "leg_length", "weight", "shapes")
-    taken |= {name: facts[name] for name in plain}
+    values |= {name: facts[name] for name in plain}
     key_links, mirror_index = tuple(facts.get("key_links", ())), np.array(facts["mirror_index"])
-    return RobotFacts(name=facts["robot"], mjcf=mjcf, key_links=key_links, mirror_index=mirror_index, **taken)
+    return RobotFacts(name=facts["robot"], mjcf=mjcf, key_links=key_links, mirror_index=mirror_index, **values)

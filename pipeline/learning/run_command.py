@@ -1,4 +1,4 @@
-"""What the commands that train share: arguments, start, exit status, commit, device, and the JSON files of a run."""
+"""Shared by the training commands: arguments, start, exit status, commit, device, and the JSON files of a run."""
 
 import json
 import os
@@ -14,15 +14,15 @@ from pipeline.errors import PipelineError
 from pipeline.learning.training_error import TrainingError
 
 PACKAGES = ("mjlab", "mujoco", "mujoco-warp", "numpy", "rsl-rl-lib", "torch", "warp-lang")
-"""Packages that decide what a training does."""
+"""Packages whose versions affect training results."""
 
 
 def exit_status(train: Callable[[], None], interrupted: str) -> int:
-    """Run `train`: 0 when it is done, 2 with the sentence of an error of ours, 130 where a person interrupts it.
+    """Run `train`; return 0 on success, 2 after an error of this project (printed), 130 after an interrupt.
 
     Args:
-        train: the work
-        interrupted: how an interrupted run is continued
+        train: function to run
+        interrupted: printed hint how to continue an interrupted run
     """
     try:
         train()
@@ -37,20 +37,20 @@ def exit_status(train: Callable[[], None], interrupted: str) -> int:
 
 def device_name(device: str) -> str:
     """Name of the GPU, or `cpu`."""
-    import torch  # takes seconds; `--help` of a command does not wait for it
+    import torch  # slow import, not needed for `--help`
 
     return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
 
 
 def started_module(name: str, gpus: int) -> list[str]:
-    """Arguments of Python that start a module, on several GPUs by torchrun."""
+    """Python arguments that start a module; with several GPUs, by torchrun."""
     if gpus == 1:
         return ["-m", name]
     return ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={gpus}", "-m", name]
 
 
 def commit_of(root: Path) -> str:
-    """The commit that the code below `root` is at, with `+` where files differ from it; empty outside a repository."""
+    """Git commit of the code in `root`, with `+` if files are modified; empty outside a repository."""
     try:
         head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=True)
         state = ["git", "status", "--porcelain", "--untracked-files=no"]
@@ -61,18 +61,18 @@ def commit_of(root: Path) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of `PACKAGES`; `not stated` where a package was copied without its metadata."""
-    found = {"python": platform.python_version()}
+    """Versions of Python and of `PACKAGES`; `not stated` for a package without metadata."""
+    versions_by_name = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
-            found[name] = metadata.version(name)
+            versions_by_name[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
-            found[name] = "not stated"
-    return found
+            versions_by_name[name] = "not stated"
+    return versions_by_name
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:
-    """Write a file, whole or not at all. Raises TrainingError where the disk refuses."""
+    """Write a JSON file atomically. Raises TrainingError if it can't be written."""
     part = path.with_suffix(".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -83,12 +83,14 @@ def write_json(path: Path, value: dict[str, Any]) -> None:
 
 
 def chosen_device(name: str) -> str:
-    """The device, of the process's own rank under torchrun. Raises TrainingError where it is not there."""
+    """Resolve a device name; under torchrun, to the GPU of this process. Raises TrainingError if it does not exist."""
     import torch
 
     if name == "cpu":
         if int(os.getenv("WORLD_SIZE", "1")) > 1:
-            raise TrainingError("--device is 'cpu', but torchrun is for several GPUs. Start one process, without it.")
+            raise TrainingError(
+                "--device is 'cpu', but torchrun is for several GPUs. Start one process without torchrun."
+            )
         return name
     if not torch.cuda.is_available():
         raise TrainingError(f"--device is '{name}', but PyTorch finds no GPU here. Use --device cpu.")
@@ -103,7 +105,7 @@ def chosen_device(name: str) -> str:
 
 
 def pairs(texts: Sequence[str]) -> dict[str, str]:
-    """Texts NAME=VALUE by name. Raises TrainingError for another form."""
+    """Parse texts NAME=VALUE into a dictionary. Raises TrainingError for another form."""
     for text in texts:
         if "=" not in text:
             raise TrainingError(f"--set is '{text}'; it must be NAME=VALUE.")

@@ -1,13 +1,13 @@
-"""rsl_rl's runner, asked for one iteration at a time."""
+"""Run rsl_rl's runner one iteration at a time."""
 
 from rsl_rl.runners import OnPolicyRunner
 
 
 def learn_once(runner: OnPolicyRunner) -> None:
-    """One iteration; at the first one all processes take over the first one's parameters.
+    """Run one iteration; the first call broadcasts the parameters of rank 0.
 
-    rsl_rl would do that, and print a line, at each call of `learn`. From the second call on it fails, since normalizers
-    then hold tensors of inference mode, and gradients are averaged anyway.
+    rsl_rl broadcasts, and prints a line, at each call of `learn`. From the second call on this fails, because the
+    normalizers then hold inference-mode tensors; it is not needed either, because gradients are averaged.
     """
     runner.learn(1)
     runner.is_distributed = False

@@ -1,5 +1,5 @@
-"""The error of a training run that cannot start: what, where, got, allowed, do."""
+"""The error of a training run: what is wrong, where, actual and allowed value, and what to do."""
 
 
 class TrainingError(Exception):
-    """Its text is one complete message for the user."""
+    """An error whose text is a complete message for the user."""

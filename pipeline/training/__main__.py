@@ -1,18 +1,18 @@
 """Train a walking policy and validate it: `python -m pipeline.training --out DIR`.
 
-    --bundle DIR        robot, expert frames and tracker as plain files; the asset amp_policy writes them
+    --bundle DIR        robot, expert frames and tracker as plain files, written by the asset amp_policy
                         (default: data/policies/t1/bundle)
     --out DIR           folder of the run
     --preset NAME       `recipe` (the default) or `paper`
     --set NAME=VALUE    change one option, as `schedule.iterations=1000`; may be repeated (`--list` prints all options)
-    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. On a CPU only distillation is trained; there add
-                        `--set simulation.num_envs=64`
+    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. A CPU trains only distillation by default; add
+                        `--set simulation.num_envs=64` there
     --stages NAME ...   stages to run: `distillation`, `amp`, `validation` (default: all; on a CPU all but `amp`)
     --physics plain|warp  MuJoCo in threads (the default on a CPU), or MuJoCo Warp (on a GPU)
-    --seed S            seed of everything random (default: 1)
+    --seed S            random seed (default: 1)
     --list              print all options with their values in both presets, units and sources, and exit
 
-Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Progress is a line an iteration:
+Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Each iteration prints a line:
 `iteration 12 of 5800 of amp, 5 s, 46.9 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
 when interrupted. Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training ...`, each with `simulation.num_envs`.
 """
@@ -23,43 +23,43 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # PyTorch threads must not spin while MuJoCo threads work
 
 from pipeline.learning.run_command import chosen_device, exit_status, pairs
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.config import DEFAULT, PAPER, RECIPE, changed_by_texts, preset
 
 NO_MEMORY = ("out of memory", "Failed to allocate", "can't allocate memory", "ALLOC_FAILED")
-"""Parts of what PyTorch and Warp raise as RuntimeError when memory is short."""
-LARGEST_SEED = 2**31 - 1
-"""NumPy takes less than 2^32, and each process adds its number times 1000."""
+"""Substrings of the RuntimeErrors that PyTorch and Warp raise when out of memory."""
+MAX_SEED = 2**31 - 1
+"""NumPy requires seeds below 2^32, and each process adds 1000 times its rank."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Train; the exit status."""
-    given = _parser().parse_args(arguments)
-    if given.list:
+    """Train; return the exit status."""
+    args = _parser().parse_args(arguments)
+    if args.list:
         print(options_table())
         return 0
-    return exit_status(lambda: _train(given), "repeating the command continues from the newest checkpoint.")
+    return exit_status(lambda: _train(args), "repeating the command continues from the newest checkpoint.")
 
 
-def _train(given: argparse.Namespace) -> None:
-    if given.out is None:
-        raise TrainingError("--out is needed; see python -m pipeline.training --help.")
-    if not 0 <= given.seed <= LARGEST_SEED:
-        raise TrainingError(f"--seed is {given.seed}; 0 to {LARGEST_SEED} is allowed.")
-    config = changed_by_texts(preset(given.preset), pairs(given.set))
-    device = chosen_device(given.device)
+def _train(args: argparse.Namespace) -> None:
+    if args.out is None:
+        raise TrainingError("--out is required; see python -m pipeline.training --help.")
+    if not 0 <= args.seed <= MAX_SEED:
+        raise TrainingError(f"--seed is {args.seed}; 0 to {MAX_SEED} is allowed.")
+    config = changed_by_texts(preset(args.preset), pairs(args.set))
+    device = chosen_device(args.device)
     from pipeline.training.bundle import read_bundle  # mjlab takes seconds to import
     from pipeline.training.chain import stages_of, train
     from pipeline.training.stage import Request
 
     request = Request(
-        out=given.out, preset=given.preset, config=config, device=device, seed=given.seed, physics=given.physics
+        out=args.out, preset=args.preset, config=config, device=device, seed=args.seed, physics=args.physics
     )
-    stages = stages_of(request, given.stages)
-    bundle = read_bundle(given.bundle, config.discriminator.use_augmented)
+    stages = stages_of(request, args.stages)
+    bundle = read_bundle(args.bundle, config.discriminator.use_augmented)
     try:
         train(bundle, request, stages)
     except (MemoryError, RuntimeError) as error:

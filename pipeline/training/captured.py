@@ -1,10 +1,10 @@
-"""Parts of a control step that a GPU replays as CUDA graphs.
+"""Parts of a control step, captured as CUDA graphs.
 
-A control step has hundreds of kernel launches beside physics, each of which takes the processor longer than the GPU. A
-part is called a few times, then recorded once and replayed from then on. It may therefore only read and write memory
-that is the same at every step, must not ask for a number that the GPU computes, and has no arguments. What a later part
-reads of an earlier one in the same step may be a new tensor, since the earlier part is recorded first.
-`tests/training/test_captured_steps.py` checks every part on a CPU.
+Besides physics, a control step launches hundreds of kernels, each of which costs more CPU time than GPU time. A part is
+called a few times, then captured once and replayed from then on. It must read and write the same memory at every step,
+must not synchronize with the GPU, and has no arguments. A later part may read a tensor that an earlier part of the same
+step allocated, because the earlier part is captured first. `tests/training/test_captured_steps.py` checks every part on
+a CPU.
 """
 
 import gc
@@ -14,14 +14,14 @@ import torch
 import warp as wp
 
 WARM_UP = 4
-"""Calls before a part is recorded: libraries allocate in the first ones."""
+"""Eager calls before capture, in which libraries allocate memory."""
 
 
 class Captured:
-    """A function without arguments or result; called on a CPU, replayed on a GPU."""
+    """A function without arguments or result: called on a CPU, replayed as a CUDA graph on a GPU."""
 
-    def __init__(self, work: Callable[[], None], device: str, replayed: bool = True):
-        self._work = work
+    def __init__(self, function: Callable[[], None], device: str, replayed: bool = True):
+        self._function = function
         self._device = device
         self._replayed = replayed and device.startswith("cuda")
         self._called = 0
@@ -33,22 +33,22 @@ class Captured:
             return
         if not self._replayed or self._called < WARM_UP:
             self._called += 1
-            self._work()
+            self._function()
             return
-        self._graph = self._recorded()
+        self._graph = self._capture()
         self._graph.replay()
 
-    def _recorded(self) -> torch.cuda.CUDAGraph:
-        """Record on the stream on which mjlab writes the simulation's arrays; other streams are not recorded."""
+    def _capture(self) -> torch.cuda.CUDAGraph:
+        """Capture on the stream on which mjlab writes the simulation's arrays; other streams are not captured."""
         graph = torch.cuda.CUDAGraph()
         stream = torch.cuda.ExternalStream(wp.get_stream(self._device).cuda_stream, device=self._device)
-        collects = gc.isenabled()
+        gc_enabled = gc.isenabled()
         gc.collect()
-        gc.disable()  # else the destruction of another object, such as a graph, could be recorded
+        gc.disable()  # else the destruction of another object, such as a graph, could be captured
         try:
             with torch.cuda.graph(graph, stream=stream):
-                self._work()
+                self._function()
         finally:
-            if collects:
+            if gc_enabled:
                 gc.enable()
         return graph

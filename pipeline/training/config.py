@@ -1,4 +1,4 @@
-"""Every option of a training run, in groups: the recipe is the default of each field, `paper` the published setting."""
+"""Options of a training run, in groups. Defaults are the preset `recipe`; `paper` has the published values."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pipeline.learning.training_error import TrainingError
 PAPER_TEXT = "paper"
 """Source of values that the paper states (docs/training.md names it)."""
 BARS = "data/validation.yaml"
-"""Source of values that follow from the bars of the validation suite."""
+"""Source of values that follow from thresholds of the validation suite."""
 AFTER_CHANGE_S = 1.0
-"""The discriminator reads no window for so long after a push or, if it reads commands, a new command [s]."""
+"""The discriminator ignores windows for this long after a push or, if it observes commands, a new command [s]."""
 
 
 def option(
@@ -27,19 +27,19 @@ def option(
     most: float | None = None,
     words: tuple[str, ...] = (),
 ) -> Any:
-    """A field with its meaning, unit, source, and allowed range or words."""
+    """A field with its meaning, unit, source, and allowed range or choices."""
     facts = {"text": text, "unit": unit, "source": source, "least": least, "most": most, "words": words}
     return dataclasses.field(default=default, metadata=facts)
 
 
 def share(default: Any, text: str, *, source: str) -> Any:
-    """A field of one or two shares, 0 to 1."""
+    """A field of one or two fractions, 0 to 1."""
     return option(default, text, "share", source, 0.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationConfig:
-    """Environments, and how their episodes begin and end."""
+    """Environments, and start and end of episodes."""
 
     num_envs: int = option(4096, "environments of each process", "count", "fills one H100", 1, 65536)
     terrain: str = option("plane", "ground: a plane or a heightfield", "word", PAPER_TEXT, words=("plane", "rough"))
@@ -53,7 +53,7 @@ class SimulationConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandsConfig:
-    """How velocity commands are drawn; what the shares leave is drawn on all axes."""
+    """Distribution of velocity commands; commands outside the shares are drawn on all axes."""
 
     standing_share: float = share(0.20, "commands to stand", source="paper: 0.10; pushes at standing need more")
     single_axis_share: float = share(0.45, "commands on one axis alone", source="the suite's single commands")
@@ -75,7 +75,7 @@ class CommandsConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class RewardsConfig:
-    """Weights of the reward terms in which the recipe differs from the paper; `mdp/rewards.py` has all of them."""
+    """Reward weights that differ between recipe and paper; `mdp/rewards.py` has all weights."""
 
     track_axes: float = option(0.0, "kernel of the velocity error on each axis", "1/s", "paper: 3", 0.0)
     track_all: float = option(
@@ -105,7 +105,7 @@ class RewardsConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class RandomizationConfig:
-    """Domain randomization between environments and episodes."""
+    """Domain randomization over environments and episodes."""
 
     friction: tuple[float, float] = option((0.3, 1.2), "friction of the ground", "-", "paper: 0.4 to 1.2", 0.0, 3.0)
     gains: tuple[float, float] = option((0.9, 1.1), "factor of stiffness and of damping", "-", PAPER_TEXT, 0.1, 3.0)
@@ -129,7 +129,7 @@ class RandomizationConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class PushesConfig:
-    """Pushes; two numbers are the largest one before and after the disturbances' ramp."""
+    """Pushes; the two numbers of a magnitude are its maximum before and after the disturbance ramp."""
 
     interval_s: tuple[float, float] = option((4.0, 8.0), "time between pushes", "s", PAPER_TEXT, 0.02, 1000.0)
     kick_m_s: tuple[float, float] = option(
@@ -167,7 +167,7 @@ class DiscriminatorConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class PpoConfig:
-    """PPO of rsl_rl; what is not here is rsl_rl's default or in `runner.py`."""
+    """Options of rsl_rl's PPO; other values are rsl_rl's defaults or in `runner.py`."""
 
     entropy: float = option(0.002, "weight of the entropy bonus", "-", "paper: 0.005", 0.0, 1.0)
     desired_kl: float = option(0.02, "target KL divergence of the learning rate", "nat", "paper: 0.01", 1e-5, 1.0)
@@ -182,7 +182,7 @@ class PpoConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ScheduleConfig:
-    """Length of AMP + PPO, and ramps as shares of it."""
+    """Length of AMP + PPO, and ramps as fractions of it."""
 
     iterations: int = option(5800, "iterations of 24 control steps", "count", "47 minutes of one H100", 1, 1_000_000)
     style_ramp: tuple[float, float] = share(
@@ -215,7 +215,7 @@ class DistillationConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """One training run; the defaults are the recipe."""
+    """Options of a training run; the defaults are the recipe."""
 
     simulation: SimulationConfig = SimulationConfig()
     commands: CommandsConfig = CommandsConfig()
@@ -234,24 +234,24 @@ class Config:
         pushed = max(pushes.kick_m_s[1], pushes.impulse_n_s[1]) > 0.0
         if self.discriminator.style > 0.0 and pushed and pushes.interval_s[1] <= AFTER_CHANGE_S:
             raise TrainingError(
-                f"pushes.interval_s is at most {pushes.interval_s[1]:g} s, but the discriminator reads no window for "
+                f"pushes.interval_s is at most {pushes.interval_s[1]:g} s, but the discriminator ignores windows for "
                 f"{AFTER_CHANGE_S:g} s after a push. Raise it, or train without style: discriminator.style=0."
             )
 
     def options(self) -> Iterator[tuple[str, Any, Mapping[str, Any]]]:
-        """Every option: its name `group.field`, value, and `text, unit, source` and limits."""
+        """Iterate over options: name `group.field`, value, and metadata (`text, unit, source`, limits)."""
         for group in dataclasses.fields(self):
             values = getattr(self, group.name)
             for field in dataclasses.fields(values):
                 yield f"{group.name}.{field.name}", getattr(values, field.name), field.metadata
 
     def values(self) -> dict[str, Any]:
-        """Every option by its name `group.field`."""
+        """Option values by name `group.field`."""
         return {name: value for name, value, _ in self.options()}
 
     def changed(self, values: Mapping[str, Any]) -> Config:
-        """This configuration with some options changed, by name. Raises TrainingError for an unknown name or a value
-        that is not allowed."""
+        """Copy of this configuration with changed options. Raises TrainingError for an unknown name or a value that is
+        not allowed."""
         known = self.values()
         groups: dict[str, dict[str, Any]] = {}
         for name, value in values.items():
@@ -325,7 +325,7 @@ DEFAULT = "recipe"
 
 
 def preset(name: str) -> Config:
-    """A preset. Raises TrainingError for an unknown name."""
+    """Get a preset by name. Raises TrainingError for an unknown name."""
     if name not in PRESETS:
         raise TrainingError(f"unknown preset '{name}'; the presets are: {', '.join(PRESETS)}")
     return PRESETS[name]
@@ -338,16 +338,16 @@ def changed_from(name: str, config: Config) -> dict[str, Any]:
 
 
 def changed_by_texts(config: Config, texts: Mapping[str, str]) -> Config:
-    """The configuration with options given as texts, in the form of each value: `0.5`, `true`, `1,2`.
+    """Copy of the configuration with options parsed from texts such as `0.5`, `true`, `1,2`.
 
-    Raises TrainingError for an unknown name, and for a text or value that is not allowed.
+    Raises TrainingError for an unknown name, or a text or value that is not allowed.
     """
     known = config.values()
     return config.changed({name: _value(name, text, known.get(name)) for name, text in texts.items()})
 
 
 def texts_of(values: Mapping[str, Any]) -> list[str]:
-    """Options as `group.field=value`, in the form that `changed_by_texts` reads."""
+    """Format options as `group.field=value`, the inverse of `changed_by_texts`."""
     return [f"{name}={_text(value)}" for name, value in sorted(values.items())]
 
 
@@ -357,13 +357,13 @@ def _text(value: Any) -> str:
     return ",".join(_text(each) for each in value) if isinstance(value, (list, tuple)) else str(value)
 
 
-def _value(name: str, text: str, like: Any) -> Any:
+def _value(name: str, text: str, current: Any) -> Any:
     try:
-        if isinstance(like, bool):
+        if isinstance(current, bool):
             return {"true": True, "false": False}[text.lower()]
-        if isinstance(like, tuple):
+        if isinstance(current, tuple):
             first, last = text.split(",")
             return float(first), float(last)
-        return type(like)(text) if like is not None else text
+        return type(current)(text) if current is not None else text
     except (KeyError, ValueError) as error:
-        raise TrainingError(f"option '{name}' is '{text}'; it must look like '{_text(like)}'.") from error
+        raise TrainingError(f"option '{name}' is '{text}'; it must look like '{_text(current)}'.") from error

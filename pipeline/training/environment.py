@@ -1,4 +1,4 @@
-"""The environment on mjlab: its step in parts that a GPU replays, and the windows that the discriminator reads."""
+"""The mjlab environment: its step in parts captured as CUDA graphs, and the discriminator's motion windows."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from mjlab.envs import ManagerBasedRlEnv
 
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
-from pipeline.training.amp.expert import OWN_STARTS, drawn_frames
+from pipeline.training.amp.expert import KEPT_STARTS_SHARE, sample_frames
 from pipeline.training.amp.features import floors, positions, state_features
 from pipeline.training.bundle import FPS, Bundle
 from pipeline.training.captured import Captured
 from pipeline.training.config import AFTER_CHANGE_S, Config
 from pipeline.training.curves import Record
 from pipeline.training.environment_cfg import DECIMATION, environment_cfg
-from pipeline.training.masks import members, replace
+from pipeline.training.masks import mask_of_indices, replace
 from pipeline.training.mdp.commands import VelocityCommand
 from pipeline.training.mdp.events import Slopes
-from pipeline.training.mdp.observations import LARGEST
+from pipeline.training.mdp.observations import OBSERVATION_LIMIT
 from pipeline.training.mdp.start_states import StartStates, expert_states, write_starts
 from pipeline.training.robot_state import RobotState
 from pipeline.training.terrain import ROUGHNESS_M
 
 VELOCITY_STEPS = 8
-"""Velocities are recorded every so many steps."""
+"""Control steps between two records of the velocities."""
 AFTER_CHANGE_STEPS = round(AFTER_CHANGE_S * FPS)
 
 
 @runtime_checkable
 class FollowedClips(Protocol):
-    """What distillation adds to the environment: the clip that each robot follows (`distillation/teacher.py`)."""
+    """Interface of the reference clips that distillation follows (`distillation/teacher.py`)."""
 
     command: torch.Tensor
-    lost: torch.Tensor
-    ended: torch.Tensor
+    tracking_failed: torch.Tensor
+    clip_ended: torch.Tensor
 
-    def begin(self, env: AmpEnvironment, mask: torch.Tensor, frame: torch.Tensor, turn: torch.Tensor) -> None: ...
+    def begin(self, env: AmpEnvironment, mask: torch.Tensor, frame: torch.Tensor, yaw: torch.Tensor) -> None: ...
 
     def advance(self, env: AmpEnvironment) -> None: ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Context:
-    """What the environment's terms read besides the simulation."""
+    """Constant data that the environment's terms read besides the simulation."""
 
     bundle: Bundle
     config: Config
@@ -56,17 +56,17 @@ class Context:
 
 
 def chosen_physics(device: str, given: str | None) -> str:
-    """`warp` on a GPU; on a CPU `plain`, which is faster there, unless another is given.
+    """Select the physics engine: `given`, else `warp` on a GPU and `plain`, which is faster, on a CPU.
 
     Raises TrainingError for `plain` on a GPU.
     """
     if given == "plain" and device != "cpu":
-        raise TrainingError(f"--physics is 'plain', which runs on a CPU, and --device is '{device}'.")
+        raise TrainingError(f"--physics is 'plain', which runs only on a CPU, but --device is '{device}'.")
     return given or ("plain" if device == "cpu" else "warp")
 
 
 class AmpEnvironment(ManagerBasedRlEnv):
-    """mjlab's environment with `RobotState` and, in `extras`, the discriminator's windows."""
+    """mjlab's environment with `RobotState` and, in `extras`, the discriminator's motion windows."""
 
     def __init__(
         self,
@@ -82,13 +82,13 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """
         Args:
             bundle: robot and expert
-            config: of the run
+            config: configuration of the run
             device: `cpu` or a GPU
-            seed: of everything random
+            seed: random seed
             physics: `warp` or `plain`; None: the faster one on the device
-            captured: whether a GPU replays the parts of a step; the result is identical
-            teacher: the clips that robots follow, in distillation
-            starts: where episodes begin; None: at expert frames
+            captured: whether to replay the step as CUDA graphs on a GPU; the result is identical
+            teacher: reference clips to follow, in distillation
+            starts: start states of episodes; None: expert frames
         """
         robot, num_envs = bundle.robot, config.simulation.num_envs
         self.physics = chosen_physics(device, physics)
@@ -107,61 +107,61 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.ground_m = ROUGHNESS_M if config.simulation.terrain == "rough" else 0.0
         """Height of the highest ground [m]."""
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
-        """Length of each environment's last episode."""
-        self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
-        """Command of the state that an episode began at (n, 3); NaN where it is drawn."""
+        """Length of each environment's last episode [control steps] (n,)."""
+        self.start_command = torch.full((num_envs, 3), torch.nan, device=device)
+        """Command of the episode's start state (n, 3); NaN where the command is sampled."""
         self.start_velocity = torch.zeros(num_envs, 3, device=device)
-        """Velocity of that state (n, 3)."""
+        """Velocity of the episode's start state (n, 3)."""
         self.push_w = torch.zeros(num_envs, 3, device=device)
-        """Force of a push on the trunk (n, 3) [N]."""
+        """Push force on the trunk (n, 3) [N]."""
         self.steps_since_push = torch.full((num_envs,), AFTER_CHANGE_STEPS, device=device)
-        """Control steps since the episode's last push or kick began (n,); without one AFTER_CHANGE_STEPS or more."""
+        """Control steps since the episode's last push or kick began (n,); AFTER_CHANGE_STEPS or more without one."""
         self.disturbance = torch.zeros((), device=device)
-        """Ramp of delays, slopes and pushes, 0 to 1; on the device, where a replayed step reads it."""
+        """Ramp of delays, slopes and pushes, 0 to 1; on the device, because CUDA graphs read it."""
         self.final = torch.zeros((), device=device)
-        """Ramp of the weight of power, 0 to 1."""
+        """Ramp of the power penalty, 0 to 1."""
         self.restarts: list[Callable[[torch.Tensor], None]] = []
-        """Functions of the mask (n,) of environments that begin an episode; each term appends its own."""
+        """Reset functions of the terms; the argument is the mask (n,) of environments that begin an episode."""
         if device == "cpu":
-            wp.config.optimization_level = 0  # in tests and trials quick compilation counts more than fast kernels
+            wp.config.optimization_level = 0  # tests and trials need fast compilation more than fast kernels
         super().__init__(environment_cfg(robot, config, seed, teacher is not None), device)
-        self._given = torch.zeros_like(self.action_manager.action)
+        self._policy_action = torch.zeros_like(self.action_manager.action)
         plain = isinstance(self.sim, PlainSimulation)
-        self._step_between = self.sim.step_between if plain else self.sim.step  # motors read the state alone
+        self._step_between = self.sim.step_between if plain else self.sim.step  # motors read only qpos and qvel
 
-        def part(work: Callable[[], None]) -> Captured:
-            return Captured(work, device, captured)
+        def part(function: Callable[[], None]) -> Captured:
+            return Captured(function, device, captured)
 
         self._targets = (part(self._first_targets), *(part(self._write_targets) for _ in range(DECIMATION - 1)))
         self._evaluate = part(self._terminate_and_reward)
         self._reset_done = part(lambda: self._begin_episodes(self.reset_buf))
         self._update_observations = part(self._observe)
-        self._update_velocity = part(self._note_velocity)
+        self._update_velocity = part(self._record_velocity)
 
     @staticmethod
     def _expert_starts(bundle: Bundle, config: Config, device: str, seed: int) -> StartStates:
         expert, robot = bundle.expert, bundle.robot
-        drawn, _, own = drawn_frames(expert, np.arange(len(expert.frames)), config, seed, OWN_STARTS)
-        return expert_states(expert, drawn, own, robot.index(robot.controlled), robot.default_joint_pos, device)
+        drawn, _, kept = sample_frames(expert, np.arange(len(expert.frames)), config, seed, KEPT_STARTS_SHARE)
+        return expert_states(expert, drawn, kept, robot.index(robot.controlled), robot.default_joint_pos, device)
 
     def load_managers(self) -> None:
-        """mjlab's managers; the state that their terms read exists before them."""
+        """Create the state that the terms read, then mjlab's managers."""
         robot, config = self.context.bundle.robot, self.context.config
         if self.physics == "plain":
             self.sim = PlainSimulation(self.sim)
         self.slopes = Slopes(self)
-        self.slopes.grow(0.0)
+        self.slopes.set_scale(0.0)
         self.robot_state = RobotState(self, robot.feet, (*robot.hands, *robot.feet))
         self.joint_limits = tuple(self.scene["robot"].data.joint_pos_limits[0].unbind(dim=1))
         (trunk,), _ = self.scene["robot"].find_bodies(robot.root_link)
-        self._trunk = slice(trunk, trunk + 1)  # a list of indices would be copied to the GPU at each step
+        self._trunk = slice(trunk, trunk + 1)  # a slice, because an index list would be copied to the GPU at each step
         self._no_torque = torch.zeros_like(self.push_w)[:, None]
         self.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
         self.restarts.append(lambda mask: replace(self.steps_since_push, mask, AFTER_CHANGE_STEPS))
         self._with_command = config.discriminator.by_command
         size = len(floors(len(robot.controlled))) + 3 * self._with_command
         self._motion = torch.zeros(self.num_envs, config.discriminator.frames, size, device=self.device)
-        self._positions = self.positions()[:, None].repeat(1, 3, 1)  # of the last three steps, the newest last
+        self._positions = self.positions()[:, None].repeat(1, 3, 1)  # last three steps, the newest last
         super().load_managers()
         self.record = Record(self.device, self.reward_manager.active_terms)
 
@@ -176,19 +176,19 @@ class AmpEnvironment(ManagerBasedRlEnv):
         return cast(VelocityCommand, self.command_manager.get_term("velocity"))
 
     def set_disturbance(self, share: float) -> None:
-        """Set delays, slopes and pushes to a share of their largest."""
+        """Set delays, slopes and pushes to a share (0 to 1) of their maximum."""
         self.disturbance.fill_(share)
-        self.slopes.grow(share)
+        self.slopes.set_scale(share)
 
     def step(self, action: torch.Tensor):
-        """mjlab's step in parts that a GPU replays; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows
-        within one episode, not soon after a push and, by command, after a new command.
+        """Step as mjlab does, in captured parts. `extras` gets the motion windows `motion` (n, h, f), and
+        `motion_valid` (n,): within one episode, not soon after a push nor, with `by_command`, after a new command.
 
-        Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations read links as they were
-        a physics step ago. Observations are the caller's; all else that is returned is overwritten by the next step.
+        Resets use masks, never indices. As in mjlab, rewards and terminations read link poses that are one physics step
+        old. Observations are copies; the next step overwrites all other returned tensors.
         """
         self.extras["log"] = {}
-        self._given.copy_(action)
+        self._policy_action.copy_(action)
         for targets in self._targets:
             self._sim_step_counter += 1
             targets()
@@ -206,11 +206,11 @@ class AmpEnvironment(ManagerBasedRlEnv):
         if self.common_step_counter % VELOCITY_STEPS == 0:
             self._update_velocity()
         self.robot_state.invalidate()
-        self.obs_buf = {name: group.clone() for name, group in self._groups.items()}  # the next step overwrites them
+        self.obs_buf = {name: group.clone() for name, group in self._groups.items()}  # next step overwrites
         return self.obs_buf, self.reward_buf, self.reset_terminated, self.reset_time_outs, self.extras
 
     def _first_targets(self) -> None:
-        self.action_manager.process_action(self._given)
+        self.action_manager.process_action(self._policy_action)
         self.scene["robot"].write_external_wrench_to_sim(self.push_w[:, None], self._no_torque, body_ids=self._trunk)
         self._write_targets()
 
@@ -219,7 +219,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.scene.write_data_to_sim()
 
     def _terminate_and_reward(self) -> None:
-        """Terminations, rewards and pushes."""
+        """Compute terminations and rewards, and apply pushes."""
         self.robot_state.advance()
         if self.teacher is not None:
             self.teacher.advance(self)
@@ -233,10 +233,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
             self.event_manager.apply(mode="step", dt=self.step_dt)
 
     def _begin_episodes(self, mask: torch.Tensor) -> None:
-        """Begin episodes in environments (n,) whose simulation has been reset.
+        """Begin episodes in the environments of `mask` (n,), whose simulation has been reset.
 
-        In place of mjlab's managers, which reset by indices. Its scene is left out: motors and sensors keep no state
-        here, and targets are written before the next physics step.
+        Replaces the reset of mjlab's managers, which needs indices. The scene needs no reset: motors and sensors are
+        stateless here, and targets are written before the next physics step.
         """
         replace(self.ended_steps, mask, self.episode_length_buf)
         write_starts(self, mask)
@@ -247,7 +247,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         replace(self.episode_length_buf, mask, 0)
 
     def _observe(self) -> None:
-        """Commands grow older, then observations, motion windows and figures. mjlab's `reset` records no positions."""
+        """Update commands, observations, motion windows and metrics. mjlab's `reset` records no positions."""
         self.command_manager.compute(dt=self.step_dt * ~self.reset_buf)
         self._groups = self.observation_manager.compute(update_history=True)
         self._positions.copy_(torch.cat([self._positions[:, 1:], self.positions()[:, None]], dim=1))
@@ -260,25 +260,25 @@ class AmpEnvironment(ManagerBasedRlEnv):
             self.extras["motion_valid"] &= constant & (self.velocity_command.age >= AFTER_CHANGE_S)
         self.record.add(self)
 
-    def _note_velocity(self) -> None:
+    def _record_velocity(self) -> None:
         self.robot_state.invalidate()
         self.record.add_velocity(self)
 
     def get_observations(self) -> dict:
-        """The observations of the last step, not the memory that the next one overwrites."""
+        """The observations of the last step, as copies that the next step does not overwrite."""
         return self.obs_buf
 
     def positions(self) -> torch.Tensor:
-        """Of the current states, for the discriminator's features (n, 24 + a)."""
+        """Current `positions` for the discriminator's features (n, 24 + a)."""
         state, joint_pos = self.robot_state, self.robot_state.joint_pos[:, self.controlled_index]
         return positions(state.root_pos_w, state.root_rotation_w, joint_pos, state.ends_pos_w)
 
     def motion_features(self) -> torch.Tensor:
-        """What the discriminator reads of the states a step ago (n, f): features, and by command the command."""
-        motion = torch.nan_to_num(state_features(self._positions)).clamp(-LARGEST, LARGEST)
+        """Discriminator input for the state one step ago (n, f): features and, with `by_command`, the command."""
+        motion = torch.nan_to_num(state_features(self._positions)).clamp(-OBSERVATION_LIMIT, OBSERVATION_LIMIT)
         return torch.cat([motion, self.command], dim=1) if self._with_command else motion
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:
         assert env_ids is not None
         self.sim.reset(env_ids)
-        self._begin_episodes(members(env_ids, self.num_envs))
+        self._begin_episodes(mask_of_indices(env_ids, self.num_envs))

@@ -1,4 +1,4 @@
-"""The environment in mjlab's terms: scene, sensors, managers."""
+"""mjlab configuration of the environment: scene, sensors, managers."""
 
 import dataclasses
 
@@ -24,11 +24,11 @@ from pipeline.training.terrain import terrain_cfg
 EPISODE_S = 20.0
 """Length of an episode [s]."""
 SOFT_LIMITS = 0.97
-"""Share of a joint's range beyond which mjlab's `joint_pos_limits` penalizes."""
+"""`soft_joint_pos_limit_factor` of mjlab's `joint_pos_limits` penalty."""
 
 
 def environment_cfg(robot: RobotFacts, config: Config, seed: int, distils: bool) -> ManagerBasedRlEnvCfg:
-    """The environment of a configuration; `distils`: it follows reference clips."""
+    """The environment of a configuration; with `distils` it follows reference clips."""
     rough = config.simulation.terrain == "rough"
     return ManagerBasedRlEnvCfg(
         decimation=DECIMATION,
@@ -62,7 +62,7 @@ def _entity(robot: RobotFacts) -> EntityCfg:
 
 
 def _sensors(robot: RobotFacts) -> tuple[ContactSensorCfg, ...]:
-    touching = [shape for kind in ("shanks", "others") for shape in robot.shapes[kind]]
+    shapes = [shape for kind in ("shanks", "others") for shape in robot.shapes[kind]]
 
     def sensor(name: str, mode, pattern: tuple[str, ...]) -> ContactSensorCfg:
         return ContactSensorCfg(
@@ -73,4 +73,4 @@ def _sensors(robot: RobotFacts) -> tuple[ContactSensorCfg, ...]:
         )
 
     feet = sensor("feet_contact", "body", tuple(f"^{link}$" for link in robot.foot_links))
-    return feet, sensor("other_contact", "geom", tuple(f"^{shape}$" for shape in touching))
+    return feet, sensor("other_contact", "geom", tuple(f"^{shape}$" for shape in shapes))

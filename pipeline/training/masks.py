@@ -1,7 +1,7 @@
-"""States of some environments changed in place, by masks.
+"""In-place updates of some environments, selected by masks.
 
-A GPU reads a mask itself; for indices the processor would wait for their number. Memory stays the same at every step,
-as `captured.py` requires.
+Masks stay on the GPU, whereas the CPU would have to wait for the number of indices. Tensors keep their memory, as
+`captured.py` requires.
 """
 
 import torch
@@ -16,8 +16,8 @@ def replace(state: torch.Tensor, mask: torch.Tensor, value: torch.Tensor | float
         state.masked_fill_(rows, value)
 
 
-def members(env_ids: torch.Tensor, count: int) -> torch.Tensor:
-    """The mask (count,) of some of `count` environments."""
+def mask_of_indices(env_ids: torch.Tensor, count: int) -> torch.Tensor:
+    """Convert environment indices to a mask (count,)."""
     mask = torch.zeros(count, dtype=torch.bool, device=env_ids.device)
     mask[env_ids] = True
     return mask

@@ -1,8 +1,8 @@
-"""Quantities of N environments that terms read, each computed once for a state.
+"""State of N environments, read by terms; each quantity is computed once per simulation state.
 
-Root velocities and joints come from qpos and qvel. Orientations and positions of links lag them by one physics step
-while rewards and terminations are computed, and are current for observations and motion features (see mjlab's
-`step`). Each call is a kernel launch on the GPU; this file is written for few of them.
+Root velocities and joints come from qpos and qvel. While rewards and terminations are computed, link poses lag them by
+one physics step; for observations and motion features they are current (see mjlab's `step`). Each torch call launches
+a GPU kernel, so this file uses few of them.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from mjlab.utils.lab_api.math import matrix_from_quat
 
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.masks import replace
-from pipeline.training.plain_walk import AIR_S
+from pipeline.training.plain_walk import MIN_SWING_S
 
 SAME_PLACE_M = 1e-6
-"""Positions that differ by less are equal [m]."""
+"""Tolerance within which positions are equal [m]."""
 
 MEAN_TIME_S = 0.4
-"""Time constant of the averaged velocity."""
+"""Time constant of the averaged velocity [s]."""
 
 CONTACT_FORCE = 1.0
-"""Force [N] above which a foot is on the ground."""
+"""Contact force above which a foot is in contact [N]."""
 
 
 def velocity_of(
     rotation: torch.Tensor, lin_vel_w: torch.Tensor, ang_vel_b: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Forward and lateral velocity in the frame that shares only the root's heading, and the rate about the vertical.
+    """Forward and lateral velocity in the yaw frame and yaw rate (n, 3), and the heading as (cos, sin) (n, 2).
 
-    `rotation` (n, 3, 3) turns the root's frame into the world's. The second result (n, 2) is the heading as (cos, sin).
+    `rotation` (n, 3, 3) rotates the root frame to the world frame.
     """
     heading = torch.nn.functional.normalize(rotation[:, :2, 0], dim=1)
     x, y = lin_vel_w[:, 0], lin_vel_w[:, 1]
@@ -42,46 +42,46 @@ def velocity_of(
     return torch.stack([x * cos + y * sin, y * cos - x * sin, yaw_rate], dim=1), heading
 
 
-def _once(work: Any) -> Any:
-    """A property that is computed once for each state of the simulation; `RobotState.invalidate` ends its validity."""
+def _cached(compute: Any) -> Any:
+    """A property that is cached until `RobotState.invalidate`."""
 
     def value(self: RobotState) -> Any:
-        if work.__name__ not in self._known:
-            self._known[work.__name__] = work(self)
-        return self._known[work.__name__]
+        if compute.__name__ not in self._cache:
+            self._cache[compute.__name__] = compute(self)
+        return self._cache[compute.__name__]
 
-    value.__doc__ = work.__doc__
+    value.__doc__ = compute.__doc__
     return property(value)
 
 
 def _sole_corners(model: mujoco.MjModel, shapes: list[str], feet: tuple[str, str]) -> torch.Tensor:
-    """Corners (2, 4, 3) of the soles of the left and right foot from their centres, in the feet's frames [m].
+    """Sole corners (2, 4, 3) of the left and right foot relative to the sole centres, in the foot frames [m].
 
-    Raises TrainingError for a foot that is no box above the middle of its sole.
+    Raises TrainingError for a foot that is not one upright box centred above its site.
     """
-    found = []
+    corners = []
     for foot in feet:
         body = model.site(f"robot/{foot}").bodyid[0]
         boxes = [geom for geom in (model.geom(f"robot/{name}") for name in shapes) if geom.bodyid[0] == body]
         if len(boxes) != 1 or boxes[0].type[0] != mujoco.mjtGeom.mjGEOM_BOX:
             do = "Give the foot one box in the robot's shapes.csv and write the bundle again."
             raise TrainingError(f"the foot of '{foot}' has {len(boxes)} shapes; it must have one box. {do}")
-        off = model.site(f"robot/{foot}").pos - boxes[0].pos + [0.0, 0.0, boxes[0].size[2]]
-        if np.abs(off).max() > SAME_PLACE_M or np.abs(boxes[0].quat - [1.0, 0.0, 0.0, 0.0]).max() > SAME_PLACE_M:
+        offset = model.site(f"robot/{foot}").pos - boxes[0].pos + [0.0, 0.0, boxes[0].size[2]]
+        if np.abs(offset).max() > SAME_PLACE_M or np.abs(boxes[0].quat - [1.0, 0.0, 0.0, 0.0]).max() > SAME_PLACE_M:
             raise TrainingError(
-                f"the box of '{foot}' is not upright above its site, the middle of the sole (off by "
-                f"{np.abs(off).max():g} m). Mend the robot's shapes.csv or sites.csv and write the bundle again."
+                f"the box of '{foot}' is not upright and centred above its site, the middle of the sole (off by "
+                f"{np.abs(offset).max():g} m). Correct the robot's shapes.csv or sites.csv and write the bundle again."
             )
         length, width, _ = boxes[0].size
-        found.append([[x * length, y * width, 0.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
-    return torch.tensor(found, dtype=torch.float32)
+        corners.append([[x * length, y * width, 0.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+    return torch.tensor(corners, dtype=torch.float32)
 
 
 class RobotState:
-    """Quantities of N environments at the current step. Joints are in the robot's order (J).
+    """State of N environments at the current step. Joints are in the robot's order (J).
 
-    `invalidate` is called where the state has changed: after the physics steps, after resets, before observations; and
-    at the end of a step, since a replayed graph does not call it.
+    `invalidate` is called whenever the state has changed: after physics steps, after resets, before observations; and
+    at the end of a step, because a replayed CUDA graph does not call it.
     """
 
     def __init__(self, env, feet: tuple[str, str], ends: tuple[str, ...]):
@@ -95,70 +95,70 @@ class RobotState:
         self._corners = _sole_corners(env.sim.mj_model, shapes, feet).to(env.device)
         self._forces = {name: self._addresses(name) for name in ("feet_contact", "other_contact")}
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
-        self._stance = torch.zeros(env.num_envs, 2, device=env.device)
-        self._stood = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
+        self._phase_s = torch.zeros(env.num_envs, 2, device=env.device)
+        self._last_contacts = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
         self._landed = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
-        self._known: dict[str, torch.Tensor] = {}
+        self._cache: dict[str, torch.Tensor] = {}
 
     def invalidate(self) -> None:
-        """Forget what was computed of the state that has changed."""
-        self._known.clear()
+        """Clear the cache of a state that has changed."""
+        self._cache.clear()
 
     def _sites(self, names: tuple[str, ...]) -> torch.Tensor:
         local, _ = self._robot.find_sites(names, preserve_order=True)
         return self._indexing.site_ids[torch.as_tensor(local, device=self._env.device)]
 
     def _addresses(self, sensor: str) -> torch.Tensor:
-        """Index of the force vectors of a contact sensor in the sensors' data (b, 3)."""
+        """Indices of a contact sensor's force vectors in `sensordata` (b, 3)."""
         model = self._env.sim.mj_model
         names = [f"{sensor}_{primary}_force" for primary in self._env.scene[sensor].primary_names]
         first = torch.tensor([int(model.sensor(name).adr[0]) for name in names], device=self._env.device)
         return first[:, None] + torch.arange(3, device=self._env.device)
 
-    @_once
+    @_cached
     def _qpos(self) -> torch.Tensor:
         return self._env.sim.data.qpos[:, :]
 
-    @_once
+    @_cached
     def _qvel(self) -> torch.Tensor:
         return self._env.sim.data.qvel[:, :]
 
     @property
     def root_pos_w(self) -> torch.Tensor:
-        """[m]"""
+        """Root position (n, 3) [m]."""
         return self._qpos[:, :3]
 
     @property
     def root_quat_w(self) -> torch.Tensor:
-        """wxyz."""
+        """Root orientation (n, 4), wxyz."""
         return self._qpos[:, 3:7]
 
-    @_once
+    @_cached
     def root_rotation_w(self) -> torch.Tensor:
-        """Rotates the root's frame into the world's (n, 3, 3)."""
+        """Rotation from the root frame to the world frame (n, 3, 3)."""
         return self._env.sim.data.xmat[:, self._root]
 
     @property
     def lin_vel_w(self) -> torch.Tensor:
-        """[m/s]"""
+        """Root linear velocity (n, 3) [m/s]."""
         return self._qvel[:, :3]
 
-    @_once
+    @_cached
     def lin_vel_b(self) -> torch.Tensor:
-        """[m/s]"""
+        """Root linear velocity in the root frame (n, 3) [m/s]."""
         return torch.bmm(self.lin_vel_w[:, None], self.root_rotation_w)[:, 0]
 
     @property
     def ang_vel_b(self) -> torch.Tensor:
-        """[rad/s]"""
+        """Root angular velocity in the root frame (n, 3) [rad/s]."""
         return self._qvel[:, 3:6]
 
-    @_once
+    @_cached
     def gravity_b(self) -> torch.Tensor:
-        """Unit vector of gravity in the root's frame (n, 3)."""
+        """Unit gravity vector in the root frame (n, 3)."""
         return torch.bmm(self._env.slopes.down_w[:, None], self.root_rotation_w)[:, 0]
 
-    @_once
+    @_cached
     def _planar(self) -> tuple[torch.Tensor, torch.Tensor]:
         return velocity_of(self.root_rotation_w, self.lin_vel_w, self.ang_vel_b)
 
@@ -179,22 +179,22 @@ class RobotState:
 
     @property
     def joint_pos(self) -> torch.Tensor:
-        """[rad]"""
+        """Joint positions (n, j) [rad]."""
         return self._qpos[:, 7:]
 
     @property
     def joint_vel(self) -> torch.Tensor:
-        """[rad/s]"""
+        """Joint velocities (n, j) [rad/s]."""
         return self._qvel[:, 6:]
 
-    @_once
+    @_cached
     def torque(self) -> torch.Tensor:
-        """Of the motors at the last physics step [N m]."""
+        """Motor torques at the last physics step (n, j) [N m]."""
         return self._env.sim.data.qfrc_actuator[:, 6:]
 
-    @_once
+    @_cached
     def feet_pos_w(self) -> torch.Tensor:
-        """Centres of the soles (n, 2, 3) [m]."""
+        """Sole centres (n, 2, 3) [m]."""
         return self._env.sim.data.site_xpos[:, self._foot_sites]
 
     @property
@@ -204,7 +204,7 @@ class RobotState:
 
     @property
     def lowest_corner_vel_w(self) -> torch.Tensor:
-        """Velocity of each sole's lowest corner (n, 2, 3) [m/s]: 0 for a foot that rolls over heel and toe."""
+        """Velocity of each sole's lowest corner (n, 2, 3) [m/s]; 0 for a foot that rolls over heel and toe."""
         data = self._env.sim.data
         cvel, rotation = data.cvel[:, self._foot_bodies], data.xmat[:, self._foot_bodies]
         arm = self.feet_pos_w - data.subtree_com[:, self._root, None]
@@ -213,39 +213,39 @@ class RobotState:
         corner = self._corners[torch.arange(2, device=lowest.device), lowest]
         return centre + torch.cross(cvel[..., :3], (rotation @ corner[..., None])[..., 0], dim=-1)
 
-    @_once
+    @_cached
     def feet_force_w(self) -> torch.Tensor:
         """Net contact force on each foot at the last physics step (n, 2, 3) [N]."""
         return self._env.sim.data.sensordata[:, self._forces["feet_contact"]]
 
-    @_once
+    @_cached
     def contacts(self) -> torch.Tensor:
-        """Feet that touch the ground (n, 2)."""
+        """Contact of each foot (n, 2)."""
         return torch.linalg.norm(self.feet_force_w, dim=-1) > CONTACT_FORCE
 
     @property
     def other_force_w(self) -> torch.Tensor:
-        """Net contact force on each shape that must not touch (n, b, 3) [N]."""
+        """Net contact force on each other shape, which must not touch (n, b, 3) [N]."""
         return self._env.sim.data.sensordata[:, self._forces["other_contact"]]
 
     @property
     def landed(self) -> torch.Tensor:
-        """Feet that touched down at this step after a swing (n, 2)."""
+        """Touchdown of each foot after a swing at this step (n, 2)."""
         return self._landed
 
     def advance(self) -> None:
-        """Once a control step, before terminations and rewards: update the averaged velocity and the touchdowns."""
+        """Update the averaged velocity and the touchdowns, once per control step before terminations and rewards."""
         self.invalidate()
         self._mean += (torch.nan_to_num(self.velocity) - self._mean) * (self._env.step_dt / MEAN_TIME_S)
-        same, lasted = self.contacts == self._stood, self._stance + self._env.step_dt
-        self._landed.copy_(self.contacts & ~same & (lasted >= AIR_S - 1e-6))
-        self._stance.copy_(lasted * same)
-        self._stood.copy_(self.contacts)
+        same, phase_s = self.contacts == self._last_contacts, self._phase_s + self._env.step_dt
+        self._landed.copy_(self.contacts & ~same & (phase_s >= MIN_SWING_S - 1e-6))
+        self._phase_s.copy_(phase_s * same)
+        self._last_contacts.copy_(self.contacts)
 
     def restart(self, mask: torch.Tensor) -> None:
-        """Start the average of environments (n,) that begin an episode at the velocity they begin with."""
+        """Reset the averaged velocity to the start velocity, and the contact phases, of environments in `mask` (n,)."""
         self.invalidate()
         rotation = matrix_from_quat(self.root_quat_w)
         replace(self._mean, mask, velocity_of(rotation, self.lin_vel_w, self.ang_vel_b)[0])
-        replace(self._stance, mask, -1.0)  # an episode begins above the ground; to land from there is no touchdown
-        replace(self._stood, mask, False)
+        replace(self._phase_s, mask, -1.0)  # episodes begin above the ground; the first landing is not a touchdown
+        replace(self._last_contacts, mask, False)

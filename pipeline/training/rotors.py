@@ -1,7 +1,7 @@
-"""Rotors' inertia on the links that they move, wholly or in part, as engines without an armature have it.
+"""Move rotor inertia from joint armatures to links, as in engines without armatures.
 
-An armature acts on a joint's speed alone. On the link the same inertia also resists the rotation of the parent, so the
-trunk has to hold the swing of a leg. Robots lie between the two; a walk should work with both.
+An armature only resists the joint's rotation relative to the parent. On the link, the same inertia also reacts to the
+parent's rotation, so a swinging leg loads the trunk. Real robots are between both; a policy should walk with either.
 """
 
 import mujoco
@@ -9,8 +9,8 @@ import numpy as np
 
 
 def rotors_on_links(model: mujoco.MjModel, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`body_inertia`, `body_iquat` and `dof_armature` of a compiled model in which this share (0..1) of each hinge's
-    armature is the inertia of its link about the joint's axis."""
+    """`body_inertia`, `body_iquat` and `dof_armature` of `model` after moving a share (0 to 1) of each hinge's armature
+    to its link, as inertia about the joint axis."""
     inertia, iquat, armature = model.body_inertia.copy(), model.body_iquat.copy(), model.dof_armature.copy()
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
         body, dof, axis = model.jnt_bodyid[joint], model.jnt_dofadr[joint], model.jnt_axis[joint]

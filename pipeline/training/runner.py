@@ -1,4 +1,4 @@
-"""The stage `amp`: AMP + PPO on the environment, from a distilled start or from scratch."""
+"""The stage `amp`: AMP + PPO, from a distilled actor or from scratch."""
 
 from pathlib import Path
 from typing import Any
@@ -25,14 +25,14 @@ NETWORK: dict[str, Any] = {
     "activation": "elu",
     "obs_normalization": True,
 }
-"""Of actor and critic (paper)."""
+"""Networks of actor and critic (paper)."""
 FROZEN = 10**12
-"""Sample count of a normalizer that no longer changes: a run adds some 10^8 samples. A normalizer that moves while the
-critic learns alone leads the distilled actor astray."""
+"""Sample count that freezes a normalizer: a run adds some 10^8 samples. A normalizer that changes during the critic's
+warm-up degrades the distilled actor."""
 
 
 class ObservedEnvironment(RslRlVecEnvWrapper):
-    """mjlab's wrapper for rsl_rl, with the observations of the last step instead of the managers' memory."""
+    """mjlab's wrapper for rsl_rl that returns copies of the last step's observations, not the managers' buffers."""
 
     mirror: Mirror
 
@@ -46,10 +46,10 @@ class AmpStage(Stage):
     def __init__(self, bundle: Bundle, request: Request, folder: Path, start: dict[str, torch.Tensor] | None = None):
         """
         Args:
-            bundle: what is trained on
-            request: of the run
-            folder: of the stage
-            start: actor of the distillation; None: from scratch
+            bundle: training bundle
+            request: what to train
+            folder: folder of the stage
+            start: distilled actor; None: from scratch
         """
         config = request.config
         super().__init__(bundle, request, folder, config.schedule.iterations)
@@ -58,19 +58,19 @@ class AmpStage(Stage):
         wrapped = ObservedEnvironment(self.env)
         wrapped.mirror = Mirror(bundle.robot, request.device)
         windows = expert_windows(bundle.expert, config, request.seed)
-        least = floors(len(bundle.robot.controlled))
-        least = functional.pad(least, (0, windows.shape[2] - len(least)), value=COMMAND_FLOOR)
+        min_std = floors(len(bundle.robot.controlled))
+        min_std = functional.pad(min_std, (0, windows.shape[2] - len(min_std)), value=COMMAND_FLOOR)
         torch.manual_seed(seed)
         warm_up = CRITIC_WARM_UP if start is not None else 0
-        self.runner = OnPolicyRunner(wrapped, runner_cfg(config, windows, least, warm_up), None, request.device)
-        self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
+        self.runner = OnPolicyRunner(wrapped, runner_cfg(config, windows, min_std, warm_up), None, request.device)
+        self.algorithm: AmpPpo = self.runner.alg  # set by runner_cfg
         if start is not None:
-            begin_with(self.algorithm.get_policy(), start)
+            load_distilled_actor(self.algorithm.get_policy(), start)
 
     def iterate(self, share: float) -> dict[str, float]:
         algorithm = self.algorithm
         self._set_ramps(share)
-        algorithm.iteration, algorithm.run_share = self.iteration, share
+        algorithm.iteration, algorithm.progress = self.iteration, share
         learn_once(self.runner)
         self.environment_steps = self.env.common_step_counter
         amp: dict[str, float] = {} if algorithm.discriminator is None else algorithm.discriminator.figures
@@ -82,7 +82,7 @@ class AmpStage(Stage):
             "disturbance": float(self.env.disturbance),
             "learning_rate": algorithm.learning_rate,
             "update_s": algorithm.update_s,
-            "explained": algorithm.explained,
+            "explained": algorithm.explained_variance,
             "action_std": float(algorithm.get_policy().output_std.detach().mean()),
         }
 
@@ -109,14 +109,14 @@ class AmpStage(Stage):
         self.env.final.fill_(ramp(share, schedule.final_ramp))
 
 
-def begin_with(actor: Any, start: dict[str, torch.Tensor]) -> None:
-    """Let the actor begin as a distilled one, its normalizer frozen; the deviation of its actions stays its own."""
+def load_distilled_actor(actor: Any, start: dict[str, torch.Tensor]) -> None:
+    """Load a distilled actor and freeze its normalizer; the action std keeps its initial value."""
     actor.load_state_dict(start, strict=False)
     actor.obs_normalizer.count.fill_(FROZEN)
 
 
-def runner_cfg(config: Config, windows: torch.Tensor, least_std: torch.Tensor, warm_up: int) -> dict[str, Any]:
-    """rsl_rl's configuration of the runner; see `AmpPpo` for the arguments."""
+def runner_cfg(config: Config, windows: torch.Tensor, min_std: torch.Tensor, warm_up: int) -> dict[str, Any]:
+    """Configuration of rsl_rl's runner; see `AmpPpo` for the arguments."""
     noise = {"class_name": "GaussianDistribution", "init_std": config.ppo.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": STEPS,
@@ -131,7 +131,7 @@ def runner_cfg(config: Config, windows: torch.Tensor, least_std: torch.Tensor, w
             "learning_rate": 1e-3,
             "entropy_coef": config.ppo.entropy,
             "desired_kl": config.ppo.desired_kl,
-            # rsl_rl moves a value by at most 0.2 an update; one fall changes a return by 4
+            # the clipped loss moves a value by at most 0.2 per update, but one fall changes a return by 4
             "use_clipped_value_loss": False,
             "schedule": "adaptive",
             "rnd_cfg": None,
@@ -141,7 +141,7 @@ def runner_cfg(config: Config, windows: torch.Tensor, least_std: torch.Tensor, w
             },
             "config": config,
             "expert": windows,
-            "least_std": least_std,
+            "min_std": min_std,
             "warm_up": warm_up,
         },
     }

@@ -6,13 +6,13 @@ ROUGHNESS_M = 0.03
 """Height range of the rough ground [m]."""
 PATCH_M = 10.0
 PATCHES = 8
-"""Rows and columns of patches that episodes begin on."""
+"""Rows and columns of patches on which episodes begin."""
 BORDER_M = 30.0
-"""Flat ground around them, for robots that leave the patches [m]."""
+"""Width of the flat border, for robots that leave the patches [m]."""
 
 
 def terrain_cfg(kind: str, seed: int) -> TerrainEntityCfg:
-    """The ground of a kind: `plane` or `rough`."""
+    """Terrain of a kind: `plane` or `rough`."""
     if kind == "plane":
         return TerrainEntityCfg(terrain_type="plane")
     patch = HfRandomUniformTerrainCfg(

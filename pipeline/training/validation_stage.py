@@ -1,14 +1,14 @@
-"""The last stage of the chain: a checkpoint is chosen, evaluated in MuJoCo and DART, and gets a card. It needs no GPU.
+"""The last stage of the chain: choose a checkpoint, evaluate it in MuJoCo and DART, and measure it. It needs no GPU.
 
 <folder>/checkpoints/model_000100.npz   the last checkpoints as policies
-<folder>/sweep.json      figures of each on development trials, and the chosen iteration
+<folder>/sweep.json      metrics of each on development trials, and the chosen iteration
 <folder>/policy.npz      the chosen policy
 <folder>/mujoco.json     verdict of the full suite
 <folder>/dart.json       verdict of the walks in DART and across the bridge
-<folder>/figures.json    figures of the chosen policy (`policy_figures.py`), and its digest
+<folder>/figures.json    metrics of the chosen policy (`policy_figures.py`), and its digest
 <folder>/done.json       written last
 
-Repeating the command continues with the first file that is missing. No trial of the sweep is one of the suite.
+Repeating the command continues with the first missing file. The sweep and the suite share no trial.
 """
 
 import importlib
@@ -42,40 +42,40 @@ from pipeline.validation.sweep import best, sweep_checkpoints
 from pipeline.validation.verdict import judge
 
 ROOT = Path(pipeline.__file__).resolve().parents[1]
-"""The checkout whose settings and thresholds are used."""
+"""Checkout that provides settings and thresholds."""
 CANDIDATES = 10
-"""The last checkpoints, of which the best on development trials is chosen."""
+"""Number of last checkpoints from which the best on development trials is chosen."""
 SUITE = "full"
-WITHOUT = "leave validation out: --stages distillation amp."
+SKIP_HINT = "leave validation out: --stages distillation amp."
 SWEEP, MUJOCO, DART, FIGURES = "sweep.json", "mujoco.json", "dart.json", "figures.json"
 
 
 class ValidationStage:
-    """Chooses a checkpoint, validates it and measures it; `trained` is the folder of the last training stage."""
+    """Choose, validate and measure a checkpoint; `trained` is the folder of the last training stage."""
 
     def __init__(self, bundle: Bundle, folder: Path, trained: Path):
-        """Raises TrainingError where something that the stage needs is missing, so that it shows before training."""
+        """Raises TrainingError if anything the stage needs is missing, so that the run fails before training."""
         self.bundle, self.folder, self._trained = bundle, folder, trained
         if not bundle.robot_folder.is_dir():
             raise TrainingError(f"{bundle.robot_folder}: there is no such folder. {CURE}")
         bars = ROOT / "robots" / bundle.robot.name / "validation.yaml"
         if not bars.is_file():
-            problem = "there is none, so validation has no thresholds for this robot."
-            raise TrainingError(f"{bars}: {problem} Add it, or {WITHOUT}")
+            problem = "the file is missing, so validation has no thresholds for this robot."
+            raise TrainingError(f"{bars}: {problem} Add it, or {SKIP_HINT}")
         try:
             importlib.import_module("pipeline.dart.plant")
             vendor_robot(bundle.robot.name)
         except PipelineError as error:
-            raise TrainingError(f"{error} Or {WITHOUT}") from error
+            raise TrainingError(f"{error} Or {SKIP_HINT}") from error
         self._bars = read_validation(ROOT / "data" / "validation.yaml", bars)
         self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
 
     def run(self) -> None:
-        """Make the files that are missing. Raises TrainingError where the bundle was written again meanwhile."""
+        """Create the missing files. Raises TrainingError if the bundle was rewritten since the run began."""
         began = time.monotonic()
         if read_head(self.bundle.folder, SCHEMA)[1] != self.bundle.digest:
-            problem = "was written again while this run trained from it, so the policy can't be evaluated with it."
-            raise TrainingError(f"{self.bundle.folder}: {problem} Put it back and repeat the command, or train again.")
+            problem = "was rewritten after this run began, so the policy can't be evaluated with it."
+            raise TrainingError(f"{self.bundle.folder}: {problem} Restore it and repeat the command, or train again.")
         sweep = self._file(SWEEP, self._sweep)
         chosen = self.folder / CHECKPOINTS / f"model_{sweep['iteration']:06d}.npz"
         atomic.write_bytes(self.folder / POLICY, chosen.read_bytes())
@@ -84,14 +84,14 @@ class ValidationStage:
         write_json(self.folder / DONE, {"seconds": time.monotonic() - began, "chosen": sweep["iteration"]})
 
     def _file(self, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        """The content of a file of the stage, which is made where it is missing."""
+        """Read a file of the stage, after creating it if it is missing."""
         path = self.folder / name
         if not path.is_file():
             write_json(path, make())
         return json.loads(path.read_text())
 
     def _sweep(self) -> dict[str, Any]:
-        """The last checkpoints as policies, and which of them is the best."""
+        """Convert the last checkpoints to policies and choose the best one."""
         files: dict[int, Path] = {}
         for state in sorted((self._trained / CHECKPOINTS).glob("model_*.pt"))[-CANDIDATES:]:
             path = self.folder / CHECKPOINTS / f"{state.stem}.npz"
@@ -100,22 +100,22 @@ class ValidationStage:
         if not files:
             raise TrainingError(f"{self._trained}: is done but has no checkpoint. Remove the folder.")
         policies = {number: self._deployed(path) for number, path in files.items()}
-        found = sweep_checkpoints(policies, self._bars, _pool("sweep"))
-        return {"iteration": best(found).iteration, "checkpoints": [each.to_dict() for each in found]}
+        results = sweep_checkpoints(policies, self._bars, _pool("sweep"))
+        return {"iteration": best(results).iteration, "checkpoints": [each.to_dict() for each in results]}
 
     def _mujoco(self) -> dict[str, Any]:
-        one = self._deployed(self.folder / POLICY)
-        measured = measure(one, cells_of(SUITE, one.robot), _pool("trials in MuJoCo"))
-        verdict = judge(measured, self._bars, suite=SUITE, policy=digest(one.policy), robot=one.robot.digest)
+        policy = self._deployed(self.folder / POLICY)
+        measured = measure(policy, cells_of(SUITE, policy.robot), _pool("trials in MuJoCo"))
+        verdict = judge(measured, self._bars, suite=SUITE, policy=digest(policy.policy), robot=policy.robot.digest)
         figures = policy_figures.as_json(policy_figures.suite_figures(verdict))
         required = sum(cell.bars.required for cell in verdict.cells)
         return {"figures": figures, "required": required, "verdict": verdict.to_dict()}
 
     def _dart(self) -> dict[str, Any]:
-        one = self._deployed(self.folder / POLICY)
-        found = cross_engine(one, self._walks, self._bars, pool=_pool("walks in DART"))
-        required = sum(cell.required for cell in found.cells)
-        return {"passed": required - len(found.failed_cells), "required": required, "verdict": found.to_dict()}
+        policy = self._deployed(self.folder / POLICY)
+        verdict = cross_engine(policy, self._walks, self._bars, pool=_pool("walks in DART"))
+        required = sum(cell.required for cell in verdict.cells)
+        return {"passed": required - len(verdict.failed_cells), "required": required, "verdict": verdict.to_dict()}
 
     def _figures(self, mujoco: dict[str, Any], dart: dict[str, Any]) -> dict[str, Any]:
         bundle, policy = self.bundle.folder, self.folder / POLICY
@@ -129,13 +129,13 @@ class ValidationStage:
         passed = f"{figures['required cells']:.0f} of {mujoco['required']} required cells in MuJoCo"
         summary = f"{passed}, {dart['passed']} of {dart['required']} in DART"
         print(f"validation: {summary}", flush=True)
-        made_of = mujoco["verdict"]["policy"]
-        return {"policy": made_of, "summary": summary, "figures": policy_figures.as_json(figures)}
+        policy_digest = mujoco["verdict"]["policy"]
+        return {"policy": policy_digest, "summary": summary, "figures": policy_figures.as_json(figures)}
 
     def _deployed(self, policy: Path) -> Deployed:
         return deployed(self.bundle.robot_folder, load_policy(policy))
 
 
 def _pool(what: str) -> ReportingPool:
-    """Processes on all cores that report what is done."""
+    """Worker processes on all cores that report their progress."""
     return ReportingPool(workers=0, what=f"validation: {what} done")

@@ -169,7 +169,9 @@ def test_a_policy_that_lacks_a_joint_names_it_and_the_robot(robot: Robot, task: 
     gains = PolicyGains(
         joint_names=task.joint_names[:-1], kp=np.ones(count), kd=np.ones(count), default_joint_pos=np.zeros(count)
     )
-    with pytest.raises(PolicyJointsError, match=f"not of robot 't1': it lacks the joints {task.joint_names[-1]}\\. "):
+    with pytest.raises(
+        PolicyJointsError, match=f"does not fit robot 't1': it lacks the joints {task.joint_names[-1]}\\. "
+    ):
         policy_task(robot, still_policy(task, gains=gains))
 
 

@@ -67,14 +67,14 @@ def test_the_digest_sees_one_weight_and_one_gain(policy: Policy):
     [
         ({"eps": None}, "lacks the arrays eps"),
         ({"L0_w": None, "L0_b": None}, "lacks the arrays L0_w, L0_b"),
-        ({"L0_w": np.ones((2, 5))}, "do not follow"),
+        ({"L0_w": np.ones((2, 5))}, "do not match each other"),
         ({"L0_b": np.array([0.0, np.nan])}, "not finite in L0_b"),
         ({"std": np.zeros(4), "eps": np.array(0.0)}, "std that is not above 0"),
         ({"std": np.ones(3)}, "a mean of shape"),
         ({"kp": np.ones(2)}, "only some of the arrays"),
         ({"golden_action": np.ones((1, 2))}, "do not fit its layers"),
         ({**GAINS, "kp": np.array([1.0, -1.0])}, "a kp or kd below 0"),
-        ({**GAINS, "default_joint_pos": np.array([-71.6, 0.0])}, "of 71.6 rad, .* Convert degrees to radians"),
+        ({**GAINS, "default_joint_pos": np.array([-71.6, 0.0])}, "of 71.6 rad; .* Convert degrees to radians"),
     ],
 )
 def test_a_policy_file_that_is_none_is_refused(tmp_path: Path, change: dict, match: str):
@@ -95,10 +95,10 @@ def test_a_policy_file_that_is_none_is_refused(tmp_path: Path, change: dict, mat
 def test_a_file_of_another_kind_is_refused(tmp_path: Path, content: bytes):
     path = tmp_path / "policy.npz"
     path.write_bytes(content)
-    with pytest.raises(FileError, match="is no npz of numbers"):
+    with pytest.raises(FileError, match="is not an npz of numbers"):
         load_policy(path)
     np.save(tmp_path / "array.npy", np.ones(3))
-    with pytest.raises(FileError, match="is no npz of numbers"):
+    with pytest.raises(FileError, match="is not an npz of numbers"):
         load_policy(tmp_path / "array.npy")
     with pytest.raises(FileError, match="no such file"):
         load_policy(tmp_path / "none.npz")

@@ -172,7 +172,7 @@ def test_a_tracker_that_does_not_fit_is_refused(tmp_path: Path, robot: Robot, ch
 
 def test_what_is_no_tracker_is_refused(tmp_path: Path, robot: Robot):
     (tmp_path / "tracker.npz").write_bytes(b"no archive")
-    with pytest.raises(FileError, match="is no npz of numbers"):
+    with pytest.raises(FileError, match="is not an npz of numbers"):
         load_tracker(tmp_path / "tracker.npz", robot)
 
 

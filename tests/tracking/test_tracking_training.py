@@ -160,7 +160,7 @@ def test_bins_cover_all_clips_and_start_no_episode_at_an_end():
 def test_a_changed_bundle_is_refused(bundle: Path, tmp_path: Path):
     copy = copied(bundle, tmp_path / "bundle")
     (copy / "robot.xml").write_text((copy / "robot.xml").read_text() + " ")
-    with pytest.raises(TrainingError, match=r"robot\.xml: its digest is not the one in bundle\.json"):
+    with pytest.raises(TrainingError, match=r"robot\.xml: its digest differs from the one in bundle\.json"):
         read_tracking_bundle(copy)
 
 

@@ -34,7 +34,7 @@ STACK = {
 
 
 def test_training_imports_nothing_but_the_stack_of_a_gpu_host():
-    """Top-level packages that the modules of ours import that training loads, in a process of its own."""
+    """Top-level packages imported by the project modules that training loads, in a separate process."""
     code = """
 import ast, json, pathlib, sys
 import pipeline.training.chain, pipeline.tracking.run
@@ -77,14 +77,14 @@ def test_a_bundle_has_what_it_states_and_can_do_without_augmented_clips(tmp_path
     assert both.robot.policy_joints[:3] == ("Left_Shoulder_Pitch", "Right_Shoulder_Pitch", "Waist")
     robot_xml = folder / "robot.xml"
     robot_xml.write_text(robot_xml.read_text() + " ")
-    with pytest.raises(TrainingError, match=r"robot\.xml: its digest is not the one"):
+    with pytest.raises(TrainingError, match=r"robot\.xml: its digest differs from the one"):
         read_bundle(folder)
     robot_xml.unlink()
     with pytest.raises(TrainingError, match=r"robot\.xml: the file is missing"):
         read_bundle(folder)
     head = folder / "bundle.json"
     head.write_text(json.dumps({"schema": json.loads(head.read_text())["schema"]}))
-    with pytest.raises(TrainingError, match=r"bundle\.json: states no digests of its files"):
+    with pytest.raises(TrainingError, match=r"bundle\.json: has no digests of its files"):
         read_bundle(folder)
 
 
@@ -118,16 +118,16 @@ def test_labels_are_the_velocity_of_the_rollout_and_not_of_the_clip(tracked):
     assert references.speed.tolist() == [pytest.approx([0.40, 0.19], abs=1e-3), pytest.approx([0.60, 0.58], abs=1e-3)]
 
 
-def test_clips_that_are_tracked_at_another_speed_are_left_out(tracked):
+def test_clips_tracked_at_another_speed_are_excluded(tracked):
     references = tracked.teacher.references
-    chosen = references.chosen(0.1)
+    chosen = references.tracked_at_speed(0.1)
     assert chosen.names == ("test/right",)
     assert chosen.clip_start.tolist() == [0, 100]
     assert len(chosen.joint_pos) == len(chosen.command) == 100
     assert chosen.command[:, 0] == pytest.approx(0.58, abs=1e-3)
-    assert references.chosen(0.3).names == references.names
+    assert references.tracked_at_speed(0.3).names == references.names
     with pytest.raises(TrainingError, match=r"differs from its clip by more than 0.01 m/s. Train a better tracker"):
-        references.chosen(0.01)
+        references.tracked_at_speed(0.01)
 
 
 def test_a_tracker_of_another_robot_is_refused(tmp_path, root, robot):
@@ -136,5 +136,5 @@ def test_a_tracker_of_another_robot_is_refused(tmp_path, root, robot):
     clip = wandering(robot)
     files = TrackerFiles(network=other, clips=[TrackedClip(reference=clip, rollout=clip)])
     write_training_bundle(folder, tmp_path / "database", tmp_path / "adapted" / "t1", files)
-    with pytest.raises(TrainingError, match=r"tracker.npz: the tracker is of 't1' with other joints or links"):
+    with pytest.raises(TrainingError, match=r"tracker.npz: the tracker of 't1' has other joints or links"):
         read_bundle(folder)

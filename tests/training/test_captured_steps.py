@@ -1,4 +1,4 @@
-"""What a GPU replays is the same work on the same memory at every step, and the processor waits for none of it.
+"""Captured parts do the same work on the same memory at every step, without GPU synchronization.
 
 Checked on a CPU by PyTorch's calls. That a replayed part computes what the called part does can only be checked on a
 GPU (`benchmarks/captured_steps.py`); so can a Python number that becomes a tensor, which can't be recorded there.
@@ -75,7 +75,7 @@ def _address(tensor: torch.Tensor) -> int:
 
 def recorded(parts: list[Captured], steps: list[Callable[[], None]]) -> list[Calls]:
     """What the parts call in each of the steps."""
-    works, found = [part._work for part in parts], []
+    works, found = [part._function for part in parts], []
     for step in steps:
         calls = Calls()
 
@@ -87,11 +87,11 @@ def recorded(parts: list[Captured], steps: list[Callable[[], None]]) -> list[Cal
             return watched
 
         for part, work in zip(parts, works, strict=True):
-            part._work = within(work)
+            part._function = within(work)
         step()
         found.append(calls)
     for part, work in zip(parts, works, strict=True):
-        part._work = work
+        part._function = work
     return found
 
 
@@ -300,7 +300,7 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
     }
     if env.teacher is not None:
         teacher = cast(ClipTeacher, env.teacher)
-        found |= {name: getattr(teacher, name) for name in ("path_xy", "turn", "_last_action")}
+        found |= {name: getattr(teacher, name) for name in ("path_xy", "yaw_offset", "_last_action")}
     return found | {
         "push": env.push_w,
         "length": env.episode_length_buf,
@@ -311,6 +311,6 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
         "goal of the command": env.velocity_command.goal,
         "start velocity": env.start_velocity,
         "age of the command": env.velocity_command.age,
-        "own command": env.own_command,
-        "stance": env.robot_state._stance,
+        "own command": env.start_command,
+        "stance": env.robot_state._phase_s,
     }

@@ -130,7 +130,7 @@ def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, m
     assert (tmp_path / "amp").exists() == ("amp" in stages) and not (tmp_path / "export").exists()
 
 
-def test_a_diverged_network_makes_no_checkpoint_and_the_run_goes_on_before_it(folder, tmp_path, monkeypatch, capsys):
+def test_a_diverged_network_is_not_saved_and_the_run_can_continue(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("pipeline.training.stage.SAVE_EVERY", 1)
     iterate = chain.AmpStage.iterate
 
@@ -153,7 +153,9 @@ def test_a_diverged_network_makes_no_checkpoint_and_the_run_goes_on_before_it(fo
 
 def test_a_folder_of_another_run_is_refused(run, folder, tmp_path, capsys):
     assert main([*command(folder, run, *BOTH), "--seed", "7"]) == 2
-    assert "is of a run with another seed. Repeat its own command, or give another --out." in capsys.readouterr().err
+    assert (
+        "belongs to a run with another seed. Repeat its own command, or give another --out." in capsys.readouterr().err
+    )
     assert main(command(folder, run, *BOTH, ppo__entropy=0.5)) == 2
     assert "another ppo.entropy." in capsys.readouterr().err
     config = json.loads((run / "config.json").read_text())
@@ -169,7 +171,10 @@ def test_a_folder_of_another_run_is_refused(run, folder, tmp_path, capsys):
 def test_a_folder_of_another_program_is_refused(folder, tmp_path, capsys, content):
     (tmp_path / "config.json").write_text(content)
     assert main(command(folder, tmp_path, *BOTH)) == 2
-    assert f"{tmp_path / 'config.json'}: is of no training run. Give another --out." in capsys.readouterr().err
+    assert (
+        f"{tmp_path / 'config.json'}: is not the config of a training run. Give another --out."
+        in capsys.readouterr().err
+    )
 
 
 def test_a_stage_killed_after_its_last_checkpoint_was_not_continued(run, folder, tmp_path, monkeypatch):
@@ -181,7 +186,7 @@ def test_a_stage_killed_after_its_last_checkpoint_was_not_continued(run, folder,
     assert (tmp_path / "run" / "policy.npz").read_bytes() == (run / "policy.npz").read_bytes()
 
 
-def test_a_run_goes_on_with_as_many_processes_as_before(run, folder, tmp_path, capsys):
+def test_a_run_continues_with_the_same_number_of_processes(run, folder, tmp_path, capsys):
     """Its steps and GPU time are counted by their number; a finished run may be validated by any."""
     shutil.copytree(run, tmp_path / "run")
     config = json.loads((tmp_path / "run" / "config.json").read_text())
@@ -206,7 +211,7 @@ def test_a_stage_is_not_trained_again_below_what_was_made_from_it(run, folder, t
 
 def test_from_scratch_no_stage_distils(folder, tmp_path, capsys):
     assert main(command(folder, tmp_path, distillation__iterations=0)) == 2
-    assert "nothing is left to train: distillation.iterations is 0" in capsys.readouterr().err
+    assert "no stage is left to train: distillation.iterations is 0" in capsys.readouterr().err
     assert main(command(folder, tmp_path, "amp")) == 2
     assert "AMP + PPO begins with the distilled network. Name that stage too" in capsys.readouterr().err
     assert main(command(folder, tmp_path, *BOTH, distillation__iterations=0)) == 0
@@ -231,7 +236,7 @@ def test_clips_shorter_than_a_window_are_refused_before_training(folder, tmp_pat
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--device", "cpu"], "--out is needed"),
+        (["--device", "cpu"], "--out is required"),
         (["--out", "o", "--device", "cpu", "--seed", "-1"], "--seed is -1; 0 to 2147483647 is allowed."),
         (["--out", "o", "--device", "cpu", "--seed", "4294967296"], "--seed is 4294967296; 0 to 2147483647 is"),
         (["--bundle", "b", "--out", "o", "--device", "cpu", "--preset", "none"], "unknown preset 'none'"),

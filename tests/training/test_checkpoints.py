@@ -40,7 +40,7 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "model_000100.pt"
     torch.save({**STATE, "iteration": _Planted(), "environment_steps": 0}, path)
-    with pytest.raises(TrainingError, match="no checkpoint of ours and was not loaded"):
+    with pytest.raises(TrainingError, match="is not a checkpoint of this project and was not loaded"):
         load_checkpoint(path, "cpu")
     path.write_bytes(pickle.dumps(_Planted()))
     with pytest.raises(TrainingError, match="not loaded"):
@@ -71,9 +71,9 @@ def test_a_shortage_of_memory_is_not_called_damage(tmp_path, monkeypatch, error)
 
     path = save_checkpoint(tmp_path, 1, STATE, 24)
     monkeypatch.setattr(torch, "load", full)
-    with pytest.raises(TrainingError, match=r"model_000001\.pt: there is no memory left on cpu to load") as error_info:
+    with pytest.raises(TrainingError, match=r"model_000001\.pt: cpu has too little free memory to load") as error_info:
         load_checkpoint(path, "cpu")
-    assert "no checkpoint of ours" not in str(error_info.value)
+    assert "not a checkpoint of this project" not in str(error_info.value)
 
 
 def test_a_truncated_checkpoint_gets_a_sentence_that_says_what_to_do(tmp_path):
@@ -121,13 +121,13 @@ def test_a_damaged_checkpoint_gives_one_sentence_or_a_whole_state(tmp_path):
 def test_a_checkpoint_whose_parts_are_of_another_kind_is_refused(tmp_path, part, value):
     path = tmp_path / "model_000001.pt"
     torch.save({**STATE, "iteration": 1, "environment_steps": 24, part: value}, path)
-    with pytest.raises(TrainingError, match=f"{part} of another kind"):
+    with pytest.raises(TrainingError, match=f"invalid {part}"):
         load_checkpoint(path, "cpu")
 
 
 def test_a_checkpoint_of_another_network_becomes_no_policy(tmp_path, root, robot):
     facts = read_bundle(small_bundle(tmp_path, root, robot)).robot
-    with pytest.raises(TrainingError, match=r"actor is no network of ours \(KeyError"):
+    with pytest.raises(TrainingError, match=r"actor is not a network of this project \(KeyError"):
         policy_arrays({"actor_state_dict": {"weights": torch.ones(2)}}, facts)
 
 

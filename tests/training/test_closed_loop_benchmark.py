@@ -22,7 +22,7 @@ WINDOW_S = 14.5
 """Length of the one window of a side step in the shipped motions (data/motions/side_left.yaml)."""
 
 
-def test_the_fault_leaves_the_side_steps_out_until_three_logs_raise_the_limit(tmp_path, monkeypatch):
+def test_the_fault_excludes_side_steps_until_three_logs_raise_the_limit(tmp_path, monkeypatch):
     monkeypatch.setattr(Checkout, "with_answers_of", lambda self, _: self)
     checkout = closed_loop.faulty_checkout(tmp_path / "checkout", [1, 2, 3])
     assert not list((checkout.root / "data/hardware_logs").iterdir())
@@ -82,7 +82,7 @@ def _run(world: World, out: Path, monkeypatch) -> int:
     monkeypatch.setattr(Checkout, "with_answers_of", lambda self, _: self)
     monkeypatch.setattr(Checkout, "run", lambda self, *command, **more: world.in_checkout(self, *command, **more))
     monkeypatch.setattr("benchmarks.closed_loop.subprocess.run", world.outside)
-    monkeypatch.setattr(closed_loop, "walked", world.walked)
+    monkeypatch.setattr(closed_loop, "measure_walk", world.walked)
     monkeypatch.setattr(Checkout, "make", staticmethod(_empty_checkout))
     return closed_loop.main(["--out", str(out), "--seeds", "1", "2", "--device", "cpu"])
 
@@ -135,7 +135,7 @@ def test_a_command_that_the_policy_follows_has_no_failures(tmp_path, root, robot
 def test_a_walk_that_falls_has_reached_nothing_and_both_sides_are_drawn(tmp_path, monkeypatch):
     before, after = tmp_path / "before", tmp_path / "after"
     fell = lambda bundle, policy, walk: {"fell": bundle == before and abs(walk.command[1]) > 0.3, "lateral": 0.2}  # noqa: E731
-    monkeypatch.setattr(closed_loop, "walked", fell)
+    monkeypatch.setattr(closed_loop, "measure_walk", fell)
     assert math.isnan(closed_loop.reached(before, tmp_path, PLANTED))
     assert closed_loop.reached(after, tmp_path, PLANTED) == pytest.approx(0.5)
     assert [closed_loop.failures(side, tmp_path, PLANTED) for side in (before, after)] == [1.0, 0.0]

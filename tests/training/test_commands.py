@@ -63,7 +63,7 @@ def test_a_slewed_command_approaches_its_goal_at_the_deployments_rate(bundle):
     term, largest = env.velocity_command, SLEW * env.step_dt
     slewed = torch.isfinite(term._rate[:, 0])
     assert 0 < int(slewed.sum()) < ENVS
-    env.own_command[:], env.start_velocity[:] = torch.nan, torch.tensor([0.7, 0.0, -0.2])
+    env.start_command[:], env.start_velocity[:] = torch.nan, torch.tensor([0.7, 0.0, -0.2])
     term.restart(torch.ones(ENVS, dtype=torch.bool))
     assert env.command[slewed] == pytest.approx(env.start_velocity[slewed])
     assert torch.equal(env.command[~slewed], term.goal[~slewed])
@@ -74,9 +74,9 @@ def test_a_slewed_command_approaches_its_goal_at_the_deployments_rate(bundle):
         way, left = env.command - before, goal - env.command
         assert (way[slewed].abs() <= largest + 1e-6).all()
         assert ((way[slewed].abs() > largest - 1e-5) | (left[slewed].abs() < 1e-6)).all()
-    env.own_command[:] = torch.tensor([1.5, 0.0, 0.0])
+    env.start_command[:] = torch.tensor([1.5, 0.0, 0.0])
     term.restart(torch.ones(ENVS, dtype=torch.bool))
-    assert env.command == pytest.approx(env.own_command), "the start frame's command is obeyed already"
+    assert env.command == pytest.approx(env.start_command), "the start frame's command is obeyed already"
 
 
 @pytest.mark.parametrize(("delay_s", "disturbance", "largest"), [(0.0, 1.0, 0), (0.04, 0.0, 0), (0.04, 1.0, 8)])

@@ -73,7 +73,7 @@ def test_a_wrong_option_gets_a_sentence(name, text, message):
 
 def test_pushes_so_often_that_the_discriminator_reads_nothing_get_a_sentence():
     often = {"pushes.interval_s": "0.5,1.0"}
-    with pytest.raises(TrainingError, match="at most 1 s, but the discriminator reads no window for 1 s after a push"):
+    with pytest.raises(TrainingError, match="at most 1 s, but the discriminator ignores windows for 1 s after a push"):
         changed_by_texts(RECIPE, often)
     assert changed_by_texts(RECIPE, {**often, "discriminator.style": "0"}).pushes.interval_s == (0.5, 1.0)
 

@@ -26,7 +26,7 @@ def figures(command: list[list[float]], velocity: list[list[float]], age_s: list
     ("name", "command"),
     [("back", [-0.5, 0.0, 0.0]), ("mid", [1.0, 0.0, 0.0]), ("side", [0.0, -0.4, 0.0]), ("turn", [0.0, 0.0, -1.0])],
 )
-def test_who_moves_as_commanded_has_achieved_it_in_either_direction(name, command):
+def test_motion_as_commanded_is_achieved_in_either_direction(name, command):
     size = max(abs(value) for value in command)
     followed = figures([command], [command], [5.0])
     assert followed[f"{name}_achieved"] == followed[f"{name}_commanded"] == pytest.approx(size)

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.training.amp.algorithm import mean_where_not
+from pipeline.training.amp.algorithm import fill_invalid_with_mean
 from pipeline.training.amp.discriminator import (
     Discriminator,
     accuracy,
@@ -19,10 +19,10 @@ from pipeline.training.amp.discriminator import (
 )
 from pipeline.training.amp.expert import (
     CELL,
-    OWN,
-    drawn_by_command,
+    KEPT_SHARE,
     expert_windows,
     frame_weights,
+    sample_by_command,
     window_starts,
 )
 from pipeline.training.amp.features import FeatureNormalizer, floors, frame_features
@@ -61,11 +61,11 @@ def test_the_penalty_of_a_linear_score_is_its_slope_off_one_squared():
     assert score.weight.grad is not None
 
 
-def test_windows_that_are_not_judged_get_the_mean_of_those_that_are():
+def test_invalid_windows_get_the_mean_of_the_valid_ones():
     valid = torch.tensor([True, False, True, False])
-    given = mean_where_not(valid, torch.tensor([1.0, 100.0, 2.0, -100.0]))
+    given = fill_invalid_with_mean(valid, torch.tensor([1.0, 100.0, 2.0, -100.0]))
     assert given.tolist() == [1.0, 1.5, 2.0, 1.5]
-    assert mean_where_not(torch.zeros(2, dtype=torch.bool), torch.tensor([5.0, 6.0])).tolist() == [0.0, 0.0]
+    assert fill_invalid_with_mean(torch.zeros(2, dtype=torch.bool), torch.tensor([5.0, 6.0])).tolist() == [0.0, 0.0]
 
 
 def test_the_r1_gradient_of_a_linear_score_is_its_slope():
@@ -113,9 +113,9 @@ def test_by_command_frames_are_as_frequent_as_the_policys_commands(expert):
     changed = {"standing_share": 0.9, "fast_share": 0.1, "single_axis_share": 0.0}
     config = RECIPE.changed({f"commands.{name}": value for name, value in changed.items()}).commands
     given = expert.command[starts], frame_weights(expert, starts), config
-    drawn, command, kept = drawn_by_command(*given, seed=0, count=5000, own=0.0)
+    drawn, command, kept = sample_by_command(*given, seed=0, count=5000, kept_share=0.0)
     assert (starts[drawn] < 30).mean() == pytest.approx(0.9, abs=0.02) and not kept.any()
-    again = drawn_by_command(*given, seed=0, count=5000, own=0.0)
+    again = sample_by_command(*given, seed=0, count=5000, kept_share=0.0)
     assert np.array_equal(drawn, again[0]) and np.array_equal(command, again[1])
 
 
@@ -124,7 +124,7 @@ def test_frames_that_keep_their_command_are_as_frequent_as_their_weight(expert):
     starts = window_starts(expert, 7)
     config = RECIPE.changed({"commands.standing_share": 0.55, "commands.fast_share": 0.0}).commands
     given = expert.command[starts], frame_weights(expert, starts), config
-    drawn, command, kept = drawn_by_command(*given, seed=0, count=5000, own=0.5)
+    drawn, command, kept = sample_by_command(*given, seed=0, count=5000, kept_share=0.5)
     assert kept.mean() == pytest.approx(0.5, abs=0.03)
     assert (starts[drawn[kept]] >= 30).mean() == pytest.approx(0.75 * 0.45, abs=0.03)
     assert np.array_equal(command[kept], expert.command[starts[drawn[kept]]]), "clips before 30 stand"
@@ -133,7 +133,7 @@ def test_frames_that_keep_their_command_are_as_frequent_as_their_weight(expert):
 
 def test_frames_without_weight_answer_no_command(expert):
     weight = np.concatenate([np.zeros(30), np.full(20, 0.05)])
-    drawn, *_ = drawn_by_command(expert.command, weight, RECIPE.commands, seed=0, count=500, own=0.5)
+    drawn, *_ = sample_by_command(expert.command, weight, RECIPE.commands, seed=0, count=500, kept_share=0.5)
     assert drawn.min() >= 30
 
 
@@ -147,7 +147,7 @@ def test_a_window_is_of_the_nearest_cell_or_keeps_its_own_command(expert):
     kept = (given == own).all(axis=1)
     nearer = np.linalg.norm(given / CELL, axis=1) > np.linalg.norm((given - [1.8, 0.0, 0.0]) / CELL, axis=1)
     assert np.array_equal(nearer[~kept], frame[~kept] >= 30)
-    assert (~kept).mean() == pytest.approx((1.0 - OWN) * (1.0 - config.commands.standing_share), abs=0.1)
+    assert (~kept).mean() == pytest.approx((1.0 - KEPT_SHARE) * (1.0 - config.commands.standing_share), abs=0.1)
 
 
 def test_features_take_the_columns_the_frames_have_them_in():
@@ -157,7 +157,7 @@ def test_features_take_the_columns_the_frames_have_them_in():
     assert names == [*joints, *ends, *velocities, *range(46, 67)]
 
 
-def test_features_that_hardly_move_are_divided_by_a_floor_and_clipped():
+def test_nearly_constant_features_are_divided_by_a_floor_and_clipped():
     normalize = FeatureNormalizer(torch.zeros(100, SIZE), floors(JOINTS))
     window = torch.zeros(1, 2, SIZE)
     window[0, 0, 0], window[0, 1, 0] = 0.2, 50.0
@@ -191,7 +191,7 @@ def test_it_learns_to_score_the_expert_above_the_policy(loss):
     assert discriminator.score(expert[:20]).mean() > discriminator.score(torch.randn(20, 4, SIZE) - 2.0).mean()
 
 
-def test_it_waits_while_its_scores_differ_by_more_than_allowed():
+def test_updates_pause_while_scores_differ_by_more_than_allowed():
     torch.manual_seed(0)
     config = RECIPE.changed(
         {"discriminator.largest_difference": 0.3, "discriminator.learning_rate": 1e-3}
@@ -201,12 +201,12 @@ def test_it_waits_while_its_scores_differ_by_more_than_allowed():
     differences = []
     for _ in range(12):
         before = [weight.detach().clone() for weight in discriminator.network.parameters()]
-        waits = discriminator.waits
+        paused = discriminator.paused
         discriminator.update()
         differences.append(discriminator.figures["d_expert"] - discriminator.figures["d_policy"])
         same = [torch.equal(a, b) for a, b in zip(before, discriminator.network.parameters(), strict=True)]
-        assert all(same) if waits else not any(same)
-        assert discriminator.waits == (differences[-1] > 0.3)
+        assert all(same) if paused else not any(same)
+        assert discriminator.paused == (differences[-1] > 0.3)
     assert differences[0] < 0.3 < differences[-1]
     discriminator.replay.insert(torch.randn(40000, 4, SIZE) + 2.0, torch.ones(40000) > 0.0)  # the policy catches up
     discriminator.update()

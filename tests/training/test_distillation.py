@@ -18,7 +18,7 @@ from pipeline.training.__main__ import main
 from pipeline.training.bundle import read_bundle
 from pipeline.training.config import RECIPE
 from pipeline.training.distillation.memory import LabelledStates
-from pipeline.training.distillation.teacher import LARGEST_OFFSET_M, LARGEST_TURN, ClipTeacher
+from pipeline.training.distillation.teacher import MAX_OFFSET_M, MAX_YAW_OFFSET, ClipTeacher
 from pipeline.training.environment import AmpEnvironment
 from tests.factories.training_bundle import small_bundle
 
@@ -48,13 +48,13 @@ def teacher(env) -> ClipTeacher:
 def test_the_observation_is_the_one_of_the_trackers_rollouts(env, teacher, robot):
     """Term by term as `pipeline.tracking.reference` computes it in numpy, with the clip where it is now."""
     for _ in range(3):
-        teacher.executed(0.1 * torch.ones(ENVS, 21))
+        teacher.record_action(0.1 * torch.ones(ENVS, 21))
         env.step(0.1 * torch.ones(ENVS, 21))
     found, model = teacher.observe(env).double().numpy(), compiled(robot.mjcf, ground=False, timestep=0.005)
     clips, data = teacher.references, mujoco.MjData(model)
     links = 1 + key_link_index(robot.link_names, robot.key_links)
     for at in range(ENVS):
-        frame, turn = int(teacher.frame[at]), float(teacher.turn[at])
+        frame, turn = int(teacher.frame[at]), float(teacher.yaw_offset[at])
         clip = int(np.searchsorted(clips.clip_start, frame, side="right")) - 1
         part = slice(clips.clip_start[clip], clips.clip_start[clip + 1])
         rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
@@ -87,7 +87,7 @@ def test_the_action_gives_the_trackers_joint_targets(env, teacher, robot):
     teacher._network._layers[-1][1].fill_(0.2)
     action = teacher.act(env)
     teacher._network._layers[-1][1].fill_(0.0)
-    teacher.executed(action)
+    teacher.record_action(action)
     assert teacher._last_action == pytest.approx(torch.full((ENVS, 21), 0.2), abs=1e-4)
     expected = teacher.references.joint_pos[teacher.frame.numpy() + 1]
     env.step(action)
@@ -115,10 +115,10 @@ def test_a_clip_neither_runs_away_from_the_robot_nor_out_of_its_bounds(env, teac
         env.sim.forward()
         teacher.advance(env)
         off = (env.robot_state.root_pos_w[:, :2] - teacher.path_xy).norm(dim=1)
-        assert (off <= LARGEST_OFFSET_M + 1e-4).all()
+        assert (off <= MAX_OFFSET_M + 1e-4).all()
         heading = torch.atan2(env.robot_state.heading_w[:, 1], env.robot_state.heading_w[:, 0])
-        turned = heading - teacher._yaw[teacher.frame] - teacher.turn
-        assert (torch.atan2(torch.sin(turned), torch.cos(turned)).abs() <= LARGEST_TURN + 1e-4).all()
+        turned = heading - teacher._yaw[teacher.frame] - teacher.yaw_offset
+        assert (torch.atan2(torch.sin(turned), torch.cos(turned)).abs() <= MAX_YAW_OFFSET + 1e-4).all()
         assert ((teacher.frame >= first) & (teacher.frame <= last)).all()
 
 
@@ -129,13 +129,13 @@ def test_the_nearest_of_three_frames_is_the_one_with_the_robots_joints(env, teac
     assert teacher._nearest(expected, joints).tolist() == [wave - 1, wave, wave + 1]
 
 
-def test_a_fallen_robot_has_lost_its_clip_and_the_last_frame_ends_the_episode(env, teacher):
+def test_a_fall_is_a_tracking_failure_and_the_last_frame_ends_the_episode(env, teacher):
     env.sim.data.qpos[0, 2] -= 0.3
     teacher.frame[1] = teacher._last[teacher.frame[1]] - 2
     env.robot_state.invalidate()
     teacher.advance(env)
-    assert teacher.lost.tolist() == [True, False, False]
-    assert teacher.ended.tolist() == [False, True, False]
+    assert teacher.tracking_failed.tolist() == [True, False, False]
+    assert teacher.clip_ended.tolist() == [False, True, False]
 
 
 def test_the_memory_keeps_the_newest_states():
@@ -167,16 +167,16 @@ def test_the_loss_falls_without_a_gpu(tmp_path, root, robot):
     assert network(torch.zeros(2, 720)).shape == (2, 21)
 
 
-def test_a_clip_is_lost_where_the_trunk_leans_a_right_angle_more_than_it(env, teacher):
+def test_a_trunk_tilted_by_90_degrees_from_the_clip_fails_tracking(env, teacher):
     for row, lean_deg in enumerate((0.0, 60.0, 95.0)):
         env.sim.data.qpos[row, 3:7] = wxyz(Rotation.from_euler("x", lean_deg, degrees=True))
     env.sim.forward()
     env.robot_state.invalidate()
     teacher.advance(env)
-    assert teacher.lost.tolist() == [False, False, True]
+    assert teacher.tracking_failed.tolist() == [False, False, True]
 
 
-def test_a_robot_on_the_path_of_its_turned_clip_is_never_off_it(env, teacher, monkeypatch):
+def test_a_robot_on_the_path_of_its_rotated_clip_has_no_error(env, teacher, monkeypatch):
     """The clip walks to the front and to the left, and is turned by another angle in each environment."""
     turns, per_frame = torch.tensor([0.0, 1.2, -2.5]), torch.tensor([0.02, 0.008, 0.0])
     walked = teacher._root_pos + torch.arange(len(teacher._root_pos))[:, None] * per_frame
@@ -196,7 +196,7 @@ def test_a_robot_on_the_path_of_its_turned_clip_is_never_off_it(env, teacher, mo
         teacher.advance(env)
         assert teacher.frame.tolist() == (frame + step).tolist()
         assert teacher.path_xy.numpy() == pytest.approx(env.sim.data.qpos[:, :2].numpy(), abs=1e-4)
-        assert teacher.turn.numpy() == pytest.approx(turns.numpy(), abs=1e-4)
+        assert teacher.yaw_offset.numpy() == pytest.approx(turns.numpy(), abs=1e-4)
 
 
 def wxyz(turn: Rotation) -> torch.Tensor:

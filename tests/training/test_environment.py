@@ -326,9 +326,9 @@ def test_episodes_begin_at_frames_that_keep_their_command(bundle, by_command):
     changed = {**QUIET, "simulation.num_envs": 60, "discriminator.by_command": by_command}
     env = AmpEnvironment(bundle, RECIPE.changed(changed), "cpu", seed=1)
     env.reset()
-    own = ~env.own_command.isnan().any(dim=1)
+    own = ~env.start_command.isnan().any(dim=1)
     assert 0.25 < own.float().mean() < 0.6 if by_command else not own.any()
-    assert env.command[own] == pytest.approx(env.own_command[own])
+    assert env.command[own] == pytest.approx(env.start_command[own])
     at_frames = (env.start_velocity != 0.0).any(dim=1)
     assert 0.6 < at_frames.float().mean() < 1.0
     height = env.sim.data.qpos[:, 2]

@@ -141,7 +141,7 @@ def test_the_papers_kicks_are_of_0_3_to_1_5_m_s():
     assert (SMALLEST_PUSH * largest, largest) == pytest.approx((0.3, 1.5))
 
 
-def test_a_force_acts_for_a_tenth_of_a_second_and_ends_with_the_episode(bundle):
+def test_a_force_acts_for_0_1_s_and_ends_with_the_episode(bundle):
     env = made(bundle, **{"pushes.impulse_n_s": (40.0, 40.0), "pushes.interval_s": (0.3, 0.4)})
     trunk, _ = env.scene["robot"].find_bodies(env.context.bundle.robot.root_link)
     lasted, seen, largest = torch.zeros(ENVS, dtype=torch.long), set(), 0.0
@@ -190,7 +190,7 @@ def test_one_environment_in_three_is_on_a_slope():
     env.scene["robot"].data.gravity_vec_w = start.repeat(count, 1)
     torch.manual_seed(0)
     slopes = Slopes(env)
-    slopes.grow(1.0)
+    slopes.set_scale(1.0)
     assert float((slopes.down_w[:, 2] > -1.0).float().mean()) == pytest.approx(1.0 / 3.0, abs=0.02)
 
 

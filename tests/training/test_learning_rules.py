@@ -19,11 +19,11 @@ from tests.factories.training_bundle import small_bundle
 from tests.training.test_mirrored_samples import amp_stage
 
 
-def test_the_reward_is_half_task_and_half_style_and_windows_that_are_not_read_get_the_mean_style(
+def test_the_reward_is_half_task_half_style_and_invalid_windows_get_the_mean(
     tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     algorithm, given = amp_stage(tmp_path, root, robot).algorithm, []
-    algorithm.run_share = 1.0
+    algorithm.progress = 1.0
     monkeypatch.setattr(PPO, "process_env_step", lambda self, obs, rewards, *_: given.append(rewards))
     monkeypatch.setattr(algorithm.discriminator, "score", lambda motion: torch.tensor([0.0, 1.0, 50.0, -50.0]))
     motion, none = torch.zeros(4, *algorithm.discriminator._expert.shape[1:]), torch.zeros(4, dtype=torch.bool)
@@ -33,13 +33,11 @@ def test_the_reward_is_half_task_and_half_style_and_windows_that_are_not_read_ge
         algorithm.process_env_step(TensorDict({}, batch_size=[4]), torch.full((4,), 2.0), torch.zeros(4), seen)
     style = 0.5 * torch.sigmoid(torch.tensor([0.0, 1.0]))
     torch.testing.assert_close(given[-1], 0.5 * 2.0 + 0.5 * torch.cat([style, style.mean().repeat(2)]))
-    algorithm.run_share = 0.04
+    algorithm.progress = 0.04
     assert algorithm.style_share() == pytest.approx(0.25), "half of its ramp from 2 % to 6 % of the run"
 
 
-def test_a_student_that_answers_alike_on_both_sides_has_nothing_to_learn_from_mirrored_labels(
-    tmp_path: Path, root: Path, robot: Robot
-):
+def test_a_symmetric_student_has_no_loss_on_mirrored_labels(tmp_path: Path, root: Path, robot: Robot):
     """It answers with the newest joint positions, of which the labels are a copy."""
     bundle = read_bundle(small_bundle(tmp_path, root, robot, tracker="passive"))
     config = RECIPE.changed({"simulation.num_envs": 4})
@@ -49,8 +47,8 @@ def test_a_student_that_answers_alike_on_both_sides_has_nothing_to_learn_from_mi
     newest_joints = slice(-63, -42)
     stage._memory.add(observation, observation[:, newest_joints])
     unused = next(stage.student.mlp.parameters())
-    stage._answer = lambda seen: seen[:, newest_joints] + 0.0 * unused.sum()
-    assert stage._learn() == pytest.approx(0.0, abs=1e-6)
+    stage._student_action = lambda seen: seen[:, newest_joints] + 0.0 * unused.sum()
+    assert stage._fit_labels() == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_gradient_penalty_flattens_the_score_at_the_experts_windows(monkeypatch: pytest.MonkeyPatch):

@@ -65,7 +65,7 @@ def test_an_update_of_a_very_asymmetric_policy_is_finite(tmp_path, root, robot):
     assert any((old != new).any() for old, new in zip(before, actor.parameters(), strict=True)), "originals still count"
 
 
-def test_the_deviation_sinks_at_the_end_of_a_run(tmp_path, root, robot):
+def test_the_action_std_decreases_at_the_end_of_a_run(tmp_path, root, robot):
     stage, found = amp_stage(tmp_path, root, robot), []
     for share in (0.6, 0.75, 0.9):
         stage.iterate(share)

@@ -94,7 +94,7 @@ def test_a_field_that_changes_later_counts(bundle):
     assert (np.delete(after, 2) == 1.0).all()
 
 
-def test_what_is_written_from_outside_is_where_it_goes_on(bundle):
+def test_a_state_written_by_the_user_is_simulated_from_there(bundle):
     env = made(bundle, "plain")
     walked(env, 2)
     env.sim.data.qpos[1, 2] += 5.0
@@ -108,7 +108,7 @@ def test_what_is_written_from_outside_is_where_it_goes_on(bundle):
     assert gained[3] > 0.02
 
 
-def test_a_reset_touches_those_who_are_reset_alone(bundle):
+def test_a_reset_changes_only_the_selected_environments(bundle):
     env = made(bundle, "plain")
     walked(env, 3)
     before = {name: getattr(env.sim.data, name)[:].clone() for name in ("qpos", "qvel", "qacc", "sensordata", "time")}

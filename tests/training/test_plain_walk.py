@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.deployment import load_policy
 from pipeline.errors import FileError
-from pipeline.training.plain_walk import Walk, World, touchdown_rate, walked
+from pipeline.training.plain_walk import Walk, World, measure_walk, touchdown_rate
 from pipeline.validation.cells import command_cells
 from pipeline.validation.deployed import deployed
 from pipeline.validation.figures import measure
@@ -31,20 +31,20 @@ def test_a_walk_has_the_figures_that_validation_measures(bundle_folder, root, co
     one = deployed(bundle_folder.parent / "adapted" / "t1", load_policy(root / SHIPPED))
     (cell,) = (each for each in command_cells((0,)) if each.trials[0].command.last.goal == command)
     (expected,) = measure(one, [cell])[0].trials
-    found = walked(bundle_folder, root / SHIPPED, Walk(command=command))
+    found = measure_walk(bundle_folder, root / SHIPPED, Walk(command=command))
     for name in ("forward", "yaw_rate"):
         assert found[name] == pytest.approx(expected[name], abs=0.05)
     assert found["power"] == pytest.approx(expected["power"], rel=0.1)
 
 
 def test_a_fall_ends_the_walk(bundle_folder, root):
-    found = walked(bundle_folder, root / SHIPPED, Walk(command=(9.0, 0.0, 0.0)))
+    found = measure_walk(bundle_folder, root / SHIPPED, Walk(command=(9.0, 0.0, 0.0)))
     assert found["fell"] == 1.0 and 1.0 < found["fell_s"] < 10.0
 
 
 def test_joint_targets_that_are_not_finite_count_as_a_fall(bundle_folder, root):
     world = World(bundle_folder, root / SHIPPED, Walk(command=(0.0, 0.0, 0.0)))
-    world.decide()
+    world.update_targets()
     assert not world.fell
     world.target[3] = np.nan
     assert world.fell
@@ -64,11 +64,13 @@ def test_gains_of_a_policy_are_those_of_their_joint_names(bundle_folder, root, t
 
 @pytest.mark.parametrize("other", ["k1/policies/walk/policy.npz", "t1/policies/tracker/tracker.npz"])
 def test_a_policy_of_another_robot_or_task_is_refused_by_name(bundle_folder, root, other):
-    with pytest.raises(FileError, match=r"npz: it is no walking policy of 't1', which takes 720 observations, 21 act"):
-        walked(bundle_folder, root / "robots" / other, Walk(command=(0.0, 0.0, 0.0)))
+    with pytest.raises(
+        FileError, match=r"npz: it is not a walking policy of 't1', which needs 720 observations, 21 act"
+    ):
+        measure_walk(bundle_folder, root / "robots" / other, Walk(command=(0.0, 0.0, 0.0)))
 
 
-def test_touchdowns_a_minute_are_those_of_the_gait_and_not_of_the_time_it_is_watched():
+def test_touchdowns_per_minute_do_not_depend_on_the_measured_duration():
     step = np.arange(300)
     assert touchdown_rate(step % 24 >= 10, 0.02) == pytest.approx(60.0 / 0.48)
     assert touchdown_rate(step % 24 >= 1, 0.02) == 0.0, "20 ms in the air are no swing"

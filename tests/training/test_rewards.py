@@ -78,7 +78,7 @@ def test_progress_is_the_mean_share_of_the_commanded_halves():
     assert rewards.reached_share(command, velocity).tolist() == pytest.approx([0.3125, 1.0, 0.625, 0.5, 0.0, -1.0])
 
 
-def test_progress_pays_nothing_for_more_than_the_command_to_a_gait_that_sways():
+def test_progress_does_not_reward_overshoot_of_a_swaying_gait():
     """A velocity that sways by 15 % about the command, and one about 1.1 of it."""
     sway = 1.0 + 0.15 * torch.sin(torch.linspace(0.0, 2.0 * math.pi, 101)[:-1])
     command = torch.tensor([[1.0, 0.0, 0.0]]).expand(100, 3)
@@ -155,14 +155,14 @@ def test_distances_and_stumbles_of_the_feet():
         assert rewards.feet_stumble(given).item() == stumbles
 
 
-def test_forces_and_distances_of_the_feet_are_the_papers_for_the_t1_and_scale_with_the_robot():
+def test_foot_forces_and_distances_scale_from_the_papers_t1_values():
     smaller = robot_of(0.5 * T1.weight, 0.8 * T1.leg_length)
-    for robot, force, apart in ((T1, 500.0, 0.2), (smaller, 250.0, 0.16)):
+    for robot, force, distance in ((T1, 500.0, 0.2), (smaller, 250.0, 0.16)):
         terms = rewards.reward_cfg(robot, PAPER)
         assert terms["feet_force"].params["soft"] == pytest.approx(force, rel=1e-3)
         assert terms["feet_force"].params["span"] == pytest.approx(0.8 * force, rel=1e-3)
         for name in ("feet_too_near", "feet_lateral_distance"):
-            assert terms[name].params["apart"] == pytest.approx(apart)
+            assert terms[name].params["distance"] == pytest.approx(distance)
 
 
 def test_shapes_that_touch_are_counted():
@@ -177,7 +177,7 @@ def test_the_recipes_kernels_fall_to_1_by_e_at_their_own_widths(name, off):
     assert term.func(state, **term.params).item() == pytest.approx(math.exp(-1.0))
 
 
-def test_only_following_the_command_is_paid_and_a_stall_costs_half_a_fall():
+def test_only_following_is_rewarded_and_a_stall_costs_half_a_fall():
     terms = rewards.reward_cfg(T1, RECIPE)
     paid = {name for name, term in terms.items() if term.weight > 0.0}
     assert paid == {"track_all", "track_mean", "progress"}

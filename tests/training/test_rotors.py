@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant, put_armature_on_links
-from pipeline.training.plain_walk import model_of
+from pipeline.training.plain_walk import ground_model
 from pipeline.training.rotors import rotors_on_links
 from tests.factories.training_bundle import small_bundle
 
@@ -33,7 +33,7 @@ def _accelerations(model: mujoco.MjModel, seed: int) -> np.ndarray:
     return data.qacc.copy()
 
 
-def test_all_of_them_on_links_is_what_the_comparison_of_engines_has(robot):
+def test_all_rotors_on_links_match_the_engine_comparison(robot):
     wanted = MujocoPlant(robot, MujocoOptions(armature=robot.armature)).model
     given = MujocoPlant(robot, MujocoOptions(armature=robot.armature)).model
     put_armature_on_links(wanted, robot)
@@ -43,7 +43,7 @@ def test_all_of_them_on_links_is_what_the_comparison_of_engines_has(robot):
         assert _accelerations(given, seed) == pytest.approx(_accelerations(wanted, seed), rel=1e-7, abs=1e-7)
 
 
-def test_a_joint_alone_feels_the_same_wherever_its_rotor_is():
+def test_a_single_joint_is_equivalent_with_its_rotor_on_either_side():
     """With a fixed parent the armature and the link's inertia are equivalent."""
     text = (
         '<mujoco><option gravity="0 0 0"/><worldbody><body><joint axis="0 .6 .8" armature=".05"/>'
@@ -66,7 +66,7 @@ def test_a_joint_alone_feels_the_same_wherever_its_rotor_is():
 
 def test_a_walk_with_rotors_on_links_has_no_armature(tmp_path, root, robot):
     folder = small_bundle(tmp_path, root, robot)
-    plain, moved = model_of(folder), copy.copy(model_of(folder))
+    plain, moved = ground_model(folder), copy.copy(ground_model(folder))
     put_rotors_on_links(moved, 1.0)
     assert plain.dof_armature.max() > 0.0
     assert moved.dof_armature.max() == 0.0

@@ -46,7 +46,7 @@ def made(bundle: Bundle, **changed: Any) -> AmpEnvironment:
     return env
 
 
-def test_the_mirror_of_an_observation_is_what_the_reflected_robot_observes(bundle: Bundle, robot: Robot):
+def test_a_mirrored_observation_is_that_of_the_reflected_robot(bundle: Bundle, robot: Robot):
     env = made(bundle)
     mirror, seen = Mirror(bundle.robot, "cpu"), []
     command = torch.tensor([0.5, 0.2, -0.7])
@@ -60,7 +60,7 @@ def test_the_mirror_of_an_observation_is_what_the_reflected_robot_observes(bundl
     torch.testing.assert_close(mirror.observations(both)["critic"], seen[1], atol=2e-3, rtol=0.0)
 
 
-def test_penalties_of_the_trunk_are_of_its_vertical_speed_and_of_its_rolling_and_pitching():
+def test_trunk_penalties_use_vertical_speed_and_roll_and_pitch_rates():
     state = SimpleNamespace(lin_vel_b=torch.tensor([[1.0, 2.0, 3.0]]), ang_vel_b=torch.tensor([[1.0, 2.0, 4.0]]))
     given: Any = SimpleNamespace(robot_state=state)
     assert rewards.lin_vel_z_l2(given).item() == 9.0
@@ -100,7 +100,7 @@ def test_noise_is_of_each_sensor_and_on_both_sides(bundle: Bundle):
         assert part.mean().item() == pytest.approx(0.0, abs=0.05 * half + 1e-6)
 
 
-def test_a_trained_motor_gives_what_the_torque_speed_line_of_the_validation_gives():
+def test_training_and_validation_have_the_same_torque_speed_line():
     generator = torch.Generator().manual_seed(0)
     target, pos, vel = (5.0 * torch.randn(500, 1, generator=generator, dtype=torch.float64) for _ in range(3))
     vel = 4.0 * vel

@@ -13,9 +13,9 @@ from pipeline.learning.training_error import TrainingError
 from pipeline.training import style_distance
 from pipeline.training.amp.features import FeatureNormalizer, floors
 from pipeline.training.bundle import ExpertFrames
-from pipeline.training.plain_walk import Walk, walked
+from pipeline.training.plain_walk import Walk, measure_walk
 from pipeline.training.policy_figures import style_figures
-from pipeline.training.style_distance import energy_distance, expert_sets, walked_features, windows_of
+from pipeline.training.style_distance import energy_distance, expert_sets, walk_features, windows_of
 from tests.factories.training_bundle import small_bundle
 
 
@@ -30,7 +30,7 @@ def test_an_empty_sample_has_no_distance():
     assert math.isnan(energy_distance(np.ones((5, 9)), np.ones((0, 9))))
 
 
-def test_samples_of_one_distribution_are_near_and_of_shifted_ones_farther_the_more():
+def test_the_distance_of_samples_grows_with_their_shift():
     rng = np.random.default_rng(0)
     sample = rng.normal(size=(400, 20))
     distances = [energy_distance(sample, rng.normal(size=(400, 20)) + shift) for shift in (0.0, 0.2, 1.0)]
@@ -56,12 +56,12 @@ def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
         expert_sets(expert, (2.0, 0.0, 0.0), np.random.default_rng(0))
 
 
-def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, root, robot):
+def test_features_of_a_walk_have_the_commanded_speed_and_falls_are_refused(tmp_path, root, robot):
     bundle, policy = small_bundle(tmp_path, root, robot), root / "robots" / "t1" / "policies" / "walk" / "policy.npz"
     walk = Walk(command=(0.6, 0.0, 0.0), seconds=8.0)
-    features = walked_features(bundle, policy, walk)
+    features = walk_features(bundle, policy, walk)
     assert features.shape == (298, 60)  # without the first and the last step
-    forward = walked(bundle, policy, walk)["forward"]
+    forward = measure_walk(bundle, policy, walk)["forward"]
     assert 0.4 < forward < 0.8
     assert features[:, 33].mean() == pytest.approx(forward, abs=0.02), "the features' forward velocity is the base's"
     assert np.abs(features[:, 34]).mean() < 0.15
@@ -72,10 +72,10 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
     assert windows.shape == (100, 240)
     assert np.abs(windows).max() <= 10.0
     with pytest.raises(TrainingError, match="falls at the command"):
-        walked_features(bundle, policy, Walk(command=(9.0, 0.0, 0.0)))
+        walk_features(bundle, policy, Walk(command=(9.0, 0.0, 0.0)))
 
 
-def test_a_fall_or_a_missing_speed_leaves_the_other_speeds_their_figures(tmp_path, root, robot, monkeypatch, capsys):
+def test_a_fall_or_missing_speed_does_not_affect_other_speeds(tmp_path, root, robot, monkeypatch, capsys):
     bundle, policy = small_bundle(tmp_path, root, robot), tmp_path / "policy.npz"
 
     def walked(bundle, policy, walk):
@@ -88,7 +88,7 @@ def test_a_fall_or_a_missing_speed_leaves_the_other_speeds_their_figures(tmp_pat
             raise TrainingError("no frame near the command")
         return (np.arange(20),) * 3
 
-    monkeypatch.setattr(style_distance, "walked_features", walked)
+    monkeypatch.setattr(style_distance, "walk_features", walked)
     monkeypatch.setattr(style_distance, "expert_sets", sets)
     figures = style_figures(bundle, policy)
     assert [math.isnan(value) for value in figures.values()] == [False, True, True]
@@ -101,4 +101,4 @@ def test_what_is_no_policy_is_refused_by_name(tmp_path, root, robot):
     (tmp_path / "noise.npz").write_bytes(b"no archive")
     for name, says in (("noise.npz", "not a NumPy archive"), ("gone.npz", "there is no such file")):
         with pytest.raises(FileError, match=rf"{name}: .*{says}"):
-            walked_features(bundle, tmp_path / name, walk)
+            walk_features(bundle, tmp_path / name, walk)

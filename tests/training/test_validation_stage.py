@@ -1,4 +1,4 @@
-"""The last stage of the chain: a checkpoint is chosen and judged, and a kill costs one part of it."""
+"""The last stage of the chain: a checkpoint is chosen and validated; a killed run repeats only one part."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_a_cpu_run_is_validated_and_gets_a_card_with_its_figures(run, bundle):
     assert not export.card.shippable
 
 
-def test_a_run_killed_while_it_walks_in_dart_goes_on_there_and_has_the_same_card(run, bundle, tmp_path, monkeypatch):
+def test_a_run_killed_in_dart_continues_there_with_the_same_card(run, bundle, tmp_path, monkeypatch):
     out, walk = tmp_path / "run", validation_stage.cross_engine
 
     def dies(*_, **__):
@@ -133,7 +133,7 @@ def test_a_run_killed_while_it_walks_in_dart_goes_on_there_and_has_the_same_card
     assert cards[0] == cards[1]
 
 
-def test_validated_elsewhere_the_run_still_says_where_it_was_trained(run, bundle, tmp_path):
+def test_a_run_validated_elsewhere_keeps_the_device_of_its_training(run, bundle, tmp_path):
     """A run that was trained without validation on another machine, and is validated here."""
     out = tmp_path / "run"
     assert main(command(bundle, out, "--stages", "distillation")) == 0
@@ -144,7 +144,7 @@ def test_validated_elsewhere_the_run_still_says_where_it_was_trained(run, bundle
     assert (made["device"], made["commit"], made["command"]) == ("NVIDIA H100", "abc", config["command"])
 
 
-def test_a_bundle_that_was_written_again_meanwhile_is_not_judged_by(bundle, tmp_path, monkeypatch, capsys):
+def test_a_bundle_rewritten_during_the_run_is_refused(bundle, tmp_path, monkeypatch, capsys):
     own, out, train = tmp_path / "bundle", tmp_path / "run", Stage.run
     shutil.copytree(bundle, own)
 
@@ -155,16 +155,16 @@ def test_a_bundle_that_was_written_again_meanwhile_is_not_judged_by(bundle, tmp_
 
     monkeypatch.setattr(Stage, "run", written_again)
     assert main(command(own, out)) == 2
-    assert "was written again while this run trained from it" in capsys.readouterr().err
+    assert "was rewritten after this run began" in capsys.readouterr().err
     assert (out / "distillation" / "done.json").is_file() and not (out / "validation").exists()
 
 
 def test_validation_alone_is_refused(bundle, tmp_path, capsys):
     assert main(command(bundle, tmp_path / "out", "--stages", "validation")) == 2
-    assert "validation alone makes no run" in capsys.readouterr().err
+    assert "validation alone is not a run" in capsys.readouterr().err
 
 
-def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_later():
+def test_the_latest_checkpoint_with_the_lowest_score_is_chosen():
     found = [
         SweepResult(iteration=1, falls=0, missed=0, command_error=0.10, survival=0.5),
         SweepResult(iteration=2, falls=0, missed=0, command_error=0.05, survival=0.5),

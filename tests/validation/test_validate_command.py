@@ -161,7 +161,7 @@ def test_a_damping_that_cannot_be_is_one_sentence(
         ("nowhere", "there is no such file or folder"),
         ("policy.pt", "it is no npz"),
         ("k1.npz", "k1.npz: it does not fit the robot: "),
-        ("text.npz", "is no npz of numbers"),
+        ("text.npz", "is not an npz of numbers"),
         ("small.npz", "the policy has 4 observations and 21 actions; robot 't1' takes 720 and 21"),
         ("folder", "it has no policy.npz"),
     ],

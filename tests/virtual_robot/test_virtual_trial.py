@@ -107,7 +107,7 @@ def test_a_policy_of_another_robot_is_named_with_its_file(tmp_path, capsys):
     policy = ROOT / "robots/t1/policies/walk/policy.npz"
     assert main(["simulate-robot", str(tmp_path / "x.mcap"), "--robot", "k1", "--policy", str(policy)]) == 1
     said = capsys.readouterr().err
-    assert f"{policy}: the policy is not of robot 'k1': it lacks the joints ALeft_Shoulder_Pitch, " in said
+    assert f"{policy}: the policy does not fit robot 'k1': it lacks the joints ALeft_Shoulder_Pitch, " in said
     assert said.endswith(", Waist, which the robot does not have. Name the policy's robot with --robot.\n")
     assert not (tmp_path / "x.mcap").exists()
 

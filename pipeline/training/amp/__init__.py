@@ -1,1 +1,1 @@
-"""Adversarial motion prior: expert windows, discriminator, replay, PPO with the style reward."""
+"""Adversarial motion prior: expert windows, discriminator, replay buffer, PPO with the style reward."""

@@ -1,9 +1,9 @@
 """The discriminator: its network, its two losses, and the style reward.
 
-`wasserstein` (paper): E[D policy] - E[D expert] with a gradient penalty between both (Gulrajani et al. 2017).
+`wasserstein` (paper): E[D policy] - E[D expert] with a gradient penalty at interpolates (Gulrajani et al. 2017).
 `bce`: binary cross-entropy on logits with R1, the squared gradient at expert windows (Mescheder et al. 2018).
-With `bce` the discriminator takes no gradient step while its mean scores of expert and policy differ by more than
-`largest_difference`, so that it does not run ahead of the policy. Scores of `wasserstein` have no such scale.
+With `bce`, updates pause while the mean scores of expert and policy differ by more than `largest_difference`, so that
+the discriminator does not outpace the policy. Scores of `wasserstein` have no absolute scale.
 """
 
 import torch
@@ -16,15 +16,15 @@ from pipeline.training.config import DiscriminatorConfig
 
 HIDDEN = (512, 256)
 BATCH = 4096
-"""Expert windows of a gradient step, and as many of the policy; fewer with fewer environments."""
+"""Expert windows per gradient step, and as many policy windows; fewer with fewer environments."""
 ALPHA = 0.25
-"""Of the style reward (paper)."""
+"""Scale alpha of the style reward (paper)."""
 BETA = {"wasserstein": 0.1, "bce": 0.5}
-"""Of the style reward (paper); with logits 0.5 makes the reward 2 alpha times the probability of being expert."""
+"""Slope beta of the style reward (paper); for logits, 0.5 makes the reward 2 alpha times the expert probability."""
 UPDATES = {"wasserstein": 8, "bce": 1}
-"""Gradient steps an iteration; `wasserstein`: two for each of PPO's mini-batches."""
+"""Gradient steps per iteration; `wasserstein`: two per mini-batch of PPO."""
 DRIFT = 1e-3
-"""Weight of E[D^2], which fixes the zero of a Wasserstein score."""
+"""Weight of E[D^2], which centres Wasserstein scores at zero."""
 FIGURES = ("d_expert", "d_policy", "gradient_penalty", "accuracy")
 
 
@@ -38,14 +38,14 @@ def network(inputs: int) -> nn.Sequential:
 
 
 def gradient_norm(score: nn.Module, windows: torch.Tensor) -> torch.Tensor:
-    """|grad D| at flat windows (n, k), differentiable (n,)."""
-    at = windows.detach().requires_grad_(True)
-    (gradient,) = torch.autograd.grad(score(at).sum(), at, create_graph=True)
+    """|grad D| (n,) at flat windows (n, k), differentiable."""
+    inputs = windows.detach().requires_grad_(True)
+    (gradient,) = torch.autograd.grad(score(inputs).sum(), inputs, create_graph=True)
     return torch.linalg.norm(gradient, dim=1)
 
 
 def gradient_penalty(score: nn.Module, expert: torch.Tensor, policy: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
-    """E[(|grad D| - 1)^2] at points between expert and policy windows; `share` (n, 1) in 0..1 is the expert's."""
+    """E[(|grad D| - 1)^2] at interpolates of expert and policy windows; `share` (n, 1), 0 to 1, is the expert's."""
     return torch.square(gradient_norm(score, share * expert + (1.0 - share) * policy) - 1.0).mean()
 
 
@@ -55,20 +55,20 @@ def style_reward(score: torch.Tensor, beta: float) -> torch.Tensor:
 
 
 def accuracy(d_expert: torch.Tensor, d_policy: torch.Tensor) -> torch.Tensor:
-    """Share of windows on the right side of the midpoint between both means."""
+    """Share of windows classified correctly with the midpoint of both means as threshold."""
     middle = 0.5 * (d_expert.mean() + d_policy.mean())
     return 0.5 * ((d_expert > middle).float().mean() + (d_policy <= middle).float().mean())
 
 
 class Discriminator:
-    """Scores windows; expert ones high, the policy's low."""
+    """Network, optimizer and replay buffer; expert windows score high, policy windows low."""
 
     def __init__(
-        self, expert: torch.Tensor, least_std: torch.Tensor, config: DiscriminatorConfig, envs: int, device: str
+        self, expert: torch.Tensor, min_std: torch.Tensor, config: DiscriminatorConfig, envs: int, device: str
     ):
         self._config = config
         self._expert = expert.to(device)
-        self._normalize = FeatureNormalizer(self._expert.flatten(0, 1), least_std)
+        self._normalize = FeatureNormalizer(self._expert.flatten(0, 1), min_std)
         self._batch = min(BATCH, max(64, envs))
         self.beta = BETA[config.loss]
         self.network = network(expert[0].numel()).to(device)
@@ -77,23 +77,23 @@ class Discriminator:
         )
         self.replay = Replay(min(SIZE, max(2000, 122 * envs)), (expert.shape[1], expert.shape[2]), device)
         self.figures: dict[str, float] = {}
-        """FIGURES, means over the last update."""
+        """FIGURES, averaged over the last update."""
 
     @torch.no_grad()
     def score(self, windows: torch.Tensor) -> torch.Tensor:
-        """D of windows (n, h, f), (n,)."""
+        """D (n,) of windows (n, h, f)."""
         return self.network(self._normalize(windows))[:, 0]
 
     def update(self, reduce=None) -> None:
-        """Gradient steps of an iteration; `reduce(parameters)` averages gradients over processes."""
+        """Run the gradient steps of an iteration; `reduce(parameters)` averages gradients over processes."""
         if self.replay.count == 0:
             return
-        steps, waits = UPDATES[self._config.loss], self.waits
+        steps, paused = UPDATES[self._config.loss], self.paused
         sums = torch.zeros(len(FIGURES), device=self._expert.device)
         for _ in range(steps):
             loss, figures = self._loss()
             sums += figures
-            if waits:
+            if paused:
                 continue
             self.optimizer.zero_grad()
             loss.backward()
@@ -107,8 +107,8 @@ class Discriminator:
         self.figures = dict(zip(FIGURES, (sums / steps).tolist(), strict=True))
 
     @property
-    def waits(self) -> bool:
-        """Whether the last update's mean scores differ by more than allowed; not before the first one."""
+    def paused(self) -> bool:
+        """Whether the last mean scores differ by more than `largest_difference`; False before the first update."""
         difference = self.figures.get("d_expert", 0.0) - self.figures.get("d_policy", 0.0)
         return self._config.loss == "bce" and difference > self._config.largest_difference
 

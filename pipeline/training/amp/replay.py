@@ -1,27 +1,27 @@
-"""A ring of policy windows."""
+"""Ring buffer of policy windows."""
 
 import torch
 
 SIZE = 500_000
-"""Windows that are kept (paper); fewer with fewer than 4096 environments."""
+"""Capacity in windows (paper); fewer with fewer than 4096 environments."""
 
 
 class Replay:
-    """A ring of policy windows (m, h, f); its position and fill are known on the device alone."""
+    """Ring buffer of policy windows (m, h, f); its position and count stay on the device."""
 
     def __init__(self, size: int, shape: tuple[int, int], device: str):
         self._size = size
-        self._windows = torch.zeros(size + 1, *shape, device=device)  # the last row takes what is not kept
+        self._windows = torch.zeros(size + 1, *shape, device=device)  # the last row receives discarded windows
         self._next = torch.zeros((), dtype=torch.long, device=device)
         self._count = torch.zeros((), dtype=torch.long, device=device)
 
     @property
     def count(self) -> int:
-        """Number of windows. The processor waits for it."""
+        """Number of windows; synchronizes with the GPU."""
         return int(self._count)
 
     def insert(self, windows: torch.Tensor, kept: torch.Tensor) -> None:
-        """Insert those of the windows (n, h, f) that are `kept` (n,), over the oldest ones when it is full."""
+        """Insert the windows (n, h, f) marked by `kept` (n,), overwriting the oldest when full."""
         windows, kept = windows[-self._size :], kept[-self._size :]
         at = (self._next + kept.cumsum(dim=0) - 1) % self._size
         self._windows[torch.where(kept, at, self._size)] = windows
@@ -29,6 +29,6 @@ class Replay:
         self._count.copy_((self._count + kept.sum()).clamp(max=self._size))
 
     def draw(self, count: int) -> torch.Tensor:
-        """Windows drawn uniformly with repetition from a ring that is not empty."""
+        """Draw windows uniformly with replacement; the buffer must not be empty."""
         share = torch.rand(count, dtype=torch.float64, device=self._windows.device)
         return self._windows[(share * self._count).long()]

@@ -10,14 +10,14 @@ from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.mdp.observations import HISTORY
 
 LESS_PROBABLE = 20.0
-"""A mirror image less probable than its original by more than this [nat] is not learned from: the policy would never
-act so there, and beyond 88 nat its ratio overflows."""
+"""Mirrored samples whose log probability is lower than the original's by more than this [nat] are ignored: the policy
+would never act so there, and beyond 88 nat the ratio overflows."""
 NO_WEIGHT = 1e3
-"""Logarithm of an old probability at which the ratio, and with it the gradient, is 0."""
+"""Old log probability for which the ratio, and with it the gradient, is 0."""
 
 
 class Mirror:
-    """Left and right swapped. Twice is the identity."""
+    """Left-right mirroring; applied twice it is the identity."""
 
     def __init__(self, robot: RobotFacts, device: str):
         joints = robot.index(robot.policy_joints)
@@ -26,11 +26,11 @@ class Mirror:
         sign = torch.from_numpy(robot.mirror_sign[joints])
         gyro, gravity, command = ([-1, 1, -1], [1, -1, 1], [1, -1, -1])
         head = torch.tensor([*gyro, *gravity, *command], dtype=sign.dtype)
-        at = torch.tensor(partner)
-        index = torch.cat([torch.arange(9), 9 + at, 9 + count + at, 9 + 2 * count + at])
+        joint = torch.tensor(partner)
+        index = torch.cat([torch.arange(9), 9 + joint, 9 + count + joint, 9 + 2 * count + joint])
         frame_sign = torch.cat([head, sign, sign, sign])
         size = len(index)
-        self._action = (at.to(device), sign.float().to(device))
+        self._action = (joint.to(device), sign.float().to(device))
         self._actor = (
             (index[None] + size * torch.arange(HISTORY)[:, None]).flatten().to(device),
             frame_sign.repeat(HISTORY).float().to(device),
@@ -42,15 +42,15 @@ class Mirror:
         )
 
     def actions(self, actions: torch.Tensor) -> torch.Tensor:
-        """Of actions (n, a) in the network's order."""
+        """Mirror actions (n, a) in the network's order."""
         return _mirrored(actions, self._action)
 
     def actor(self, observation: torch.Tensor) -> torch.Tensor:
-        """Of the actor's observations (n, o)."""
+        """Mirror actor observations (n, o)."""
         return _mirrored(observation, self._actor)
 
     def observations(self, obs: TensorDict) -> TensorDict:
-        """Of the groups `actor` and `critic`."""
+        """Mirror the observation groups `actor` and `critic`."""
         both = {"actor": _mirrored(obs["actor"], self._actor), "critic": _mirrored(obs["critic"], self._critic)}
         return TensorDict(cast(Any, both), batch_size=obs.batch_size)
 
@@ -61,27 +61,27 @@ def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> to
 
 
 class MirroredSamples(Symmetry):
-    """rsl_rl's mirrored samples, each with its own old probability.
+    """rsl_rl's symmetry augmentation with correct old log probabilities of mirrored samples.
 
-    rsl_rl gives a mirror image the probability of the original. That holds only for a symmetric policy: beside a
-    distilled one, whose mean differs from its mirror image's by half a deviation and more, the ratios of nearly all
-    mirrored samples lie beyond the clip, the largest at e^50, and they decide the update.
+    rsl_rl reuses the original's log probability, which holds only for a symmetric policy. A distilled actor's mean
+    differs from the mirrored one by half a std or more; the ratios of nearly all mirrored samples would then exceed
+    the clip range, up to e^50, and dominate the update.
     """
 
     def augment_batch(self, batch: Any, original_batch_size: int) -> None:
-        """Append the mirrored samples; `batch.old_actions_log_prob` has a column of the originals and one of these."""
+        """Append mirrored samples; `batch.old_actions_log_prob` has the columns original and mirrored."""
         both = batch.old_actions_log_prob
         super().augment_batch(batch, original_batch_size)
         own, mirrored = both[:, :1], both[:, 1:]
         batch.old_actions_log_prob = torch.cat([own, torch.where(mirrored < own - LESS_PROBABLE, NO_WEIGHT, mirrored)])
 
     def compute_loss(self, actor: Any, batch: Any, original_batch_size: int) -> torch.Tensor:
-        """0: there is no mirror loss. For rsl_rl's figure the network would be evaluated once more a mini-batch."""
+        """Return 0: the mirror loss is not used, and computing it costs one network evaluation per mini-batch."""
         return torch.zeros((), device=batch.actions.device)
 
 
 def augment(env, obs: TensorDict, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor]:
-    """The samples and after them their mirror images, as rsl_rl asks for it; `env.mirror` knows the robot."""
+    """Append the mirrored samples, as rsl_rl's `data_augmentation_func`."""
     mirror: Mirror = env.mirror
     both = torch.cat([cast(Any, obs), mirror.observations(obs)])
     return cast(TensorDict, both), torch.cat([actions, mirror.actions(actions)])

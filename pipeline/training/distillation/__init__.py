@@ -1,1 +1,1 @@
-"""DAgger: a network with the deployment's observation learns the joint targets of the tracker."""
+"""DAgger: a network with the deployment observation learns the tracker's joint targets."""

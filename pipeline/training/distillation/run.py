@@ -1,9 +1,9 @@
 """The stage `distillation`: DAgger from the tracker.
 
 Ross et al., "A reduction of imitation learning and structured prediction to no-regret online learning", AISTATS 2011:
-robots act by the student, at first by the teacher; at every state the teacher says what it would do; the student learns
-that by least squares. Rewards do not count. Every second sample is mirrored, so that the student is symmetric. The
-labelled states are not in a checkpoint; a run that continues fills them again.
+the student acts, at first the teacher; the teacher labels every visited state with its action; the student fits the
+labels by least squares. Rewards are not used. Every second sample is mirrored, so that the student is symmetric.
+Checkpoints omit the labelled states; a resumed run collects new ones.
 """
 
 import math
@@ -25,27 +25,27 @@ from pipeline.training.runner import NETWORK
 from pipeline.training.stage import STEPS, Request, Stage
 
 NORMALIZER_ITERATIONS = 5
-"""First iterations, in which the normalizer is fitted while the teacher acts."""
+"""Number of first iterations, in which the teacher acts and the normalizer is fitted."""
 COMMAND_STD = 0.3
-"""Least deviation that commands are divided by [m/s, rad/s]: few clips go sideways."""
+"""Lower bound of the normalizer's std of commands [m/s, rad/s]: few clips walk sideways."""
 NOISE = 0.05
-"""Standard deviation of the noise on the student's actions: states around its walk are labelled too."""
-GUIDED_SHARE = 0.2
-"""Share of the run in which the share of robots that act by the teacher falls from 1 to 0."""
+"""Std of the noise on the student's actions, so that states around its gait are labelled too."""
+TEACHER_SHARE = 0.2
+"""Part of the run over which the share of environments with the teacher's actions falls from 1 to 0."""
 PASSES = 4.0
-"""How often each state is learned from while it is new."""
+"""Average number of gradient passes over each new state."""
 MEMORY, BATCH = 300_000, 4096
-"""Labelled states, and states of a gradient step; fewer with fewer environments."""
+"""Buffer size and batch size in states; smaller with fewer environments."""
 RATE, LAST_RATE = 1e-3, 0.05
-"""Learning rate of Adam, and its last value as a share of it; between them half a cosine."""
+"""Initial learning rate of Adam, and the final one as a share of it, with cosine decay."""
 
 
 class DistillationStage(Stage):
-    """One network learns the tracker's joint targets from the deployment's observation."""
+    """Train one network with the deployment observation to imitate the tracker's joint targets."""
 
     def __init__(self, bundle: Bundle, request: Request, folder: Path):
         super().__init__(bundle, request, folder, request.config.distillation.iterations)
-        assert bundle.teacher is not None, "`chain.train` checks it"
+        assert bundle.teacher is not None, "checked by `chain.train`"
         config = request.config.changed({"simulation.terrain": "plane"})
         self.teacher = ClipTeacher(bundle.teacher, bundle.robot, config, request.device)
         self.env = AmpEnvironment(
@@ -63,7 +63,7 @@ class DistillationStage(Stage):
         self.student = MLPModel(self._group(self._observation), {"actor": ["actor"]}, "actor", actions, **NETWORK).to(
             request.device
         )
-        self._least_std = self._floor(noise_scale(config.randomization.noise, actions))
+        self._min_std = self._std_floor(noise_scale(config.randomization.noise, actions))
         self.optimizer = torch.optim.Adam(self.student.mlp.parameters(), lr=RATE)
         self._mirror = Mirror(bundle.robot, request.device)
         size = min(MEMORY, max(20_000, 2_000 * envs))
@@ -78,35 +78,35 @@ class DistillationStage(Stage):
         rate = RATE * (LAST_RATE + 0.5 * (1.0 - LAST_RATE) * (1.0 + math.cos(math.pi * share)))
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        fits = self.iteration < NORMALIZER_ITERATIONS
-        guided = 1.0 if fits else max(0.0, 1.0 - share / GUIDED_SHARE)
-        loss = self._act(guided, fits)
-        if fits:
+        fit_normalizer = self.iteration < NORMALIZER_ITERATIONS
+        teacher_share = 1.0 if fit_normalizer else max(0.0, 1.0 - share / TEACHER_SHARE)
+        loss = self._collect(teacher_share, fit_normalizer)
+        if fit_normalizer:
             self._limit_normalizer()
         with fast_matmul(self.request.device):
-            fit = self._learn()
+            fit = self._fit_labels()
         self.environment_steps = self.env.common_step_counter
         record = self.env.record.take(self.env.step_dt)
-        return {"loss": loss, "fit": fit, "teacher_share": guided, "learning_rate": rate, **record}
+        return {"loss": loss, "fit": fit, "teacher_share": teacher_share, "learning_rate": rate, **record}
 
     @torch.no_grad()
-    def _act(self, guided: float, fits: bool) -> float:
-        """STEPS control steps, labelled; the mean squared error of the student's actions at the visited states."""
+    def _collect(self, teacher_share: float, fit_normalizer: bool) -> float:
+        """Run STEPS control steps and label them; return the student's mean squared action error."""
         env, total = self.env, torch.zeros((), device=self.env.device)
-        led = (torch.rand(env.num_envs, device=env.device) < guided)[:, None]
-        self.student.train(fits)
+        by_teacher = (torch.rand(env.num_envs, device=env.device) < teacher_share)[:, None]
+        self.student.train(fit_normalizer)
         for _ in range(STEPS):
-            label, own = self.teacher.act(env), self._answer(self._observation)
+            label, action = self.teacher.act(env), self._student_action(self._observation)
             self._memory.add(self._observation, label)
             self.student.update_normalization(self._group(self._observation))
-            total += torch.square(own - label).mean()
-            action = torch.where(led, label, own + NOISE * torch.randn_like(own))
-            self.teacher.executed(action)
+            total += torch.square(action - label).mean()
+            action = torch.where(by_teacher, label, action + NOISE * torch.randn_like(action))
+            self.teacher.record_action(action)
             self._observation = env.step(action)[0]["actor"]
         return float(total) / STEPS
 
-    def _learn(self) -> float:
-        """Gradient steps of least squares; their mean loss."""
+    def _fit_labels(self) -> float:
+        """Run the least-squares gradient steps of an iteration; return their mean loss."""
         updates = max(1, round(PASSES * STEPS * self.env.num_envs / self._batch))
         total = torch.zeros((), device=self.env.device)
         for _ in range(updates):
@@ -114,7 +114,7 @@ class DistillationStage(Stage):
             half = len(label) // 2
             observation = torch.cat([observation[:half], self._mirror.actor(observation[half:])])
             label = torch.cat([label[:half], self._mirror.actions(label[half:])])
-            loss = torch.square(self._answer(observation) - label).mean()
+            loss = torch.square(self._student_action(observation) - label).mean()
             self.optimizer.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(self.student.mlp.parameters(), 1.0)
@@ -122,19 +122,19 @@ class DistillationStage(Stage):
             total += loss.detach()
         return float(total) / updates
 
-    def _answer(self, observation: torch.Tensor) -> torch.Tensor:
+    def _student_action(self, observation: torch.Tensor) -> torch.Tensor:
         return self.student.mlp(self.student.obs_normalizer(observation))
 
     def _limit_normalizer(self) -> None:
-        """Let no deviation be below the half width of the sensors' noise, nor that of commands below COMMAND_STD."""
+        """Bound the normalizer's std from below: by the half width of the sensor noise, for commands by COMMAND_STD."""
         normalizer: Any = self.student.obs_normalizer
-        normalizer._var.copy_(torch.maximum(normalizer._var, torch.square(self._least_std)))
+        normalizer._var.copy_(torch.maximum(normalizer._var, torch.square(self._min_std)))
         normalizer._std.copy_(torch.sqrt(normalizer._var))
 
-    def _floor(self, noise: torch.Tensor) -> torch.Tensor:
-        least = noise.clone()
-        least[COMMAND] = COMMAND_STD
-        return least.repeat(HISTORY)[None].to(self.request.device)
+    def _std_floor(self, noise: torch.Tensor) -> torch.Tensor:
+        floor = noise.clone()
+        floor[COMMAND] = COMMAND_STD
+        return floor.repeat(HISTORY)[None].to(self.request.device)
 
     @staticmethod
     def _group(observation: torch.Tensor) -> TensorDict:
@@ -158,5 +158,5 @@ class DistillationStage(Stage):
         ]
         return (
             f"error {row['loss']:.4f}, teacher {row['teacher_share']:.2f}, {', '.join(pairs)}, "
-            f"{row['falls_per_min']:.2f} falls/min, {row['lost_per_min']:.2f} lost/min"
+            f"{row['falls_per_min']:.2f} falls/min, {row['lost_per_min']:.2f} tracking failures/min"
         )

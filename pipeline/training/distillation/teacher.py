@@ -1,8 +1,8 @@
-"""The tracker as the teacher: the clip that each robot follows, and the action that the tracker would take.
+"""The tracker as the teacher: reference clips of all environments, and the tracker's actions.
 
-The command that the student observes is the velocity that the tracker's own rollout of the clip has at that frame
-(`References.command`). The clip follows the robot: every few steps its frame becomes the nearest of three, and the clip
-is moved with the robot where it is off by more than a bound, so that the tracker neither chases nor waits.
+The student observes as command the velocity of the tracker's own rollout at the clip's frame (`References.command`).
+The clip is kept close to the robot: every few steps the nearest of three frames is selected, and the clip is moved
+along when the robot's offset exceeds a bound, so that the tracker neither catches up nor waits.
 """
 
 import itertools
@@ -16,7 +16,7 @@ from pipeline.learning.policy_file import Network
 from pipeline.learning.robot_facts import RobotFacts
 from pipeline.tracking.reference import reference_states
 from pipeline.tracking.task import ACTION_SCALE
-from pipeline.training.amp.expert import WINDOWS, drawn_by_command
+from pipeline.training.amp.expert import WINDOWS, sample_by_command
 from pipeline.training.bundle import References, Teacher
 from pipeline.training.config import Config
 from pipeline.training.masks import replace
@@ -25,30 +25,30 @@ from pipeline.training.mdp.start_states import StartStates
 
 SEARCH_EVERY = 4
 """Control steps between searches for the nearest frame."""
-LARGEST_OFFSET_M = 0.1
-"""Distance from the clip's path that the tracker observes at most [m]."""
-LARGEST_TURN = 0.2
-"""Difference of heading that it observes at most [rad]."""
-LOST_HEIGHT_M, LOST_GRAVITY = 0.25, 0.8
-"""Errors of root height [m] and of the vertical that end an episode, as in mjlab's tracking task."""
+MAX_OFFSET_M = 0.1
+"""Largest position offset from the clip that the tracker observes [m]."""
+MAX_YAW_OFFSET = 0.2
+"""Largest heading offset from the clip that the tracker observes [rad]."""
+MAX_HEIGHT_ERROR_M, MAX_GRAVITY_ERROR = 0.25, 0.8
+"""Errors of root height [m] and of the projected gravity that terminate an episode, as in mjlab's tracking task."""
 LAST_FRAMES = 25
-"""No episode begins in the last frames of a clip."""
+"""Number of last frames of a clip in which no episode begins."""
 
 
 class ClipTeacher:
-    """Clips of N robots, and the tracker's actions for them."""
+    """Reference clips of N environments, and the tracker's actions."""
 
     def __init__(self, teacher: Teacher, robot: RobotFacts, config: Config, device: str):
         """
         Args:
             teacher: tracker and references of a bundle
             robot: the bundle's robot
-            config: of the run
-            device: where it works
+            config: configuration of the run
+            device: device of the tensors
 
-        Raises TrainingError where no clip is tracked at its speed.
+        Raises TrainingError if no clip is tracked at its speed.
         """
-        self.references = teacher.references.chosen(config.distillation.speed_tolerance)
+        self.references = teacher.references.tracked_at_speed(config.distillation.speed_tolerance)
         self._network, self._robot, self._config = Network(teacher.network, device), robot, config
         self._device, count = device, config.simulation.num_envs
         self._read_clips(self.references, robot)
@@ -56,14 +56,14 @@ class ClipTeacher:
         self._policy = torch.from_numpy(robot.index(robot.policy_joints)).to(device)
         self._default = torch.from_numpy(robot.default_joint_pos).float().to(device)
         self.frame = torch.zeros(count, dtype=torch.long, device=device)
-        """Frame of all clips that each robot should be at now (n,)."""
+        """Current reference frame of each environment, an index over all clips (n,)."""
         self.path_xy = torch.zeros(count, 2, device=device)
-        """Position of the clip at that frame in the world (n, 2) [m]."""
-        self.turn = torch.zeros(count, device=device)
+        """World position of the clip at its current frame (n, 2) [m]."""
+        self.yaw_offset = torch.zeros(count, device=device)
         """Rotation of the clip about the vertical (n,) [rad]."""
         self.command = torch.zeros(count, 3, device=device)
-        self.lost = torch.zeros(count, dtype=torch.bool, device=device)
-        self.ended = torch.zeros(count, dtype=torch.bool, device=device)
+        self.tracking_failed = torch.zeros(count, dtype=torch.bool, device=device)
+        self.clip_ended = torch.zeros(count, dtype=torch.bool, device=device)
         self._last_action = torch.zeros(count, len(robot.controlled), device=device)
         self._links: torch.Tensor | None = None
 
@@ -92,11 +92,11 @@ class ClipTeacher:
         self._first, self._last = (torch.from_numpy(each).long().to(self._device) for each in bounds)
 
     def starts(self, seed: int) -> StartStates:
-        """States that episodes begin at, such that labels are distributed as the policy's commands."""
+        """Start states of episodes, sampled such that commands are distributed as the policy's."""
         start = self.references.clip_start
         allowed = np.concatenate([np.arange(b - a) < max(b - a - LAST_FRAMES, 1) for a, b in itertools.pairwise(start)])
-        drawn, *_ = drawn_by_command(self.references.command, allowed, self._config.commands, seed, WINDOWS, 0.0)
-        chosen = torch.from_numpy(drawn).to(self._device)
+        drawn, *_ = sample_by_command(self.references.command, allowed, self._config.commands, seed, WINDOWS, 0.0)
+        start_index = torch.from_numpy(drawn).to(self._device)
         return StartStates(
             root_pos=self._root_pos,
             root_quat=self._root_quat,
@@ -105,70 +105,70 @@ class ClipTeacher:
             ang_vel_w=self._ang_vel,
             joint_vel=self._joint_vel,
             command=self._label,
-            drawn=chosen,
-            own=self._label[chosen],
+            drawn=start_index,
+            kept_command=self._label[start_index],
         )
 
-    def begin(self, env, mask: torch.Tensor, frame: torch.Tensor, turn: torch.Tensor) -> None:
-        """Put the clip of environments (n,) that begin an episode at a frame (n,), turned by an angle (n,) [rad]."""
+    def begin(self, env, mask: torch.Tensor, frame: torch.Tensor, yaw: torch.Tensor) -> None:
+        """Start the clips of the environments in `mask` (n,) at `frame` (n,), rotated by `yaw` (n,) [rad]."""
         replace(self.frame, mask, frame)
-        replace(self.turn, mask, turn)
+        replace(self.yaw_offset, mask, yaw)
         replace(self.path_xy, mask, env.scene.env_origins[:, :2])
         replace(self.command, mask, self._label[frame])
         replace(self._last_action, mask, 0.0)
 
     def advance(self, env) -> None:
-        """Move the clips on by a control step, to what the robots did; find out which are lost or ended."""
+        """Advance the clips by a control step and align them with the robots; update failures and clip ends."""
         state = env.robot_state
         before = self.frame.clone()
         expected = torch.minimum(before + 1, self._last[before])
         searches = (env.episode_length_buf + 1) % SEARCH_EVERY == 0
         frame = torch.where(searches, self._nearest(expected, state.joint_pos), expected)
         self.frame.copy_(frame)
-        cos, sin = torch.cos(self.turn), torch.sin(self.turn)
+        cos, sin = torch.cos(self.yaw_offset), torch.sin(self.yaw_offset)
         x, y = (self._root_pos[frame, :2] - self._root_pos[before, :2]).unbind(dim=1)
         path = self.path_xy + torch.stack([x * cos - y * sin, x * sin + y * cos], dim=1)
-        off = state.root_pos_w[:, :2] - path
-        distance = torch.linalg.norm(off, dim=1, keepdim=True)
-        self.path_xy.copy_(path + off * (1.0 - LARGEST_OFFSET_M / distance.clamp(min=LARGEST_OFFSET_M)))
+        offset = state.root_pos_w[:, :2] - path
+        distance = torch.linalg.norm(offset, dim=1, keepdim=True)
+        self.path_xy.copy_(path + offset * (1.0 - MAX_OFFSET_M / distance.clamp(min=MAX_OFFSET_M)))
         heading = torch.atan2(state.heading_w[:, 1], state.heading_w[:, 0])
-        turned = heading - self._yaw[frame] - self.turn
-        turned = torch.atan2(torch.sin(turned), torch.cos(turned))
-        self.turn += turned - turned.clamp(-LARGEST_TURN, LARGEST_TURN)
+        error = heading - self._yaw[frame] - self.yaw_offset
+        error = torch.atan2(torch.sin(error), torch.cos(error))
+        self.yaw_offset += error - error.clamp(-MAX_YAW_OFFSET, MAX_YAW_OFFSET)
         height = state.root_pos_w[:, 2] - env.scene.env_origins[:, 2] - self._root_pos[frame, 2]
         vertical = state.root_rotation_w[:, 2, 2] - self._rotation[frame, 2, 2]
-        self.lost.copy_((height.abs() > LOST_HEIGHT_M) | (vertical.abs() > LOST_GRAVITY))
-        self.ended.copy_(frame >= self._last[frame] - 1)
+        self.tracking_failed.copy_((height.abs() > MAX_HEIGHT_ERROR_M) | (vertical.abs() > MAX_GRAVITY_ERROR))
+        self.clip_ended.copy_(frame >= self._last[frame] - 1)
         self.command.copy_(self._label[frame])
 
     def _nearest(self, expected: torch.Tensor, joint_pos: torch.Tensor) -> torch.Tensor:
-        """Of the expected frame (n,) and its two neighbours, the one whose joints are nearest (n,)."""
+        """Of the expected frame (n,) and its two neighbours, the frame with the nearest joint positions (n,)."""
         first, last = self._first[expected], self._last[expected]
         candidates = torch.stack([expected, expected - 1, expected + 1], dim=1)
         candidates = torch.minimum(torch.maximum(candidates, first[:, None]), last[:, None])
-        off = self._joint_pos[candidates][..., self._controlled] - joint_pos[:, None, self._controlled]
-        best = torch.square(off).sum(dim=2).argmin(dim=1, keepdim=True)
+        error = self._joint_pos[candidates][..., self._controlled] - joint_pos[:, None, self._controlled]
+        best = torch.square(error).sum(dim=2).argmin(dim=1, keepdim=True)
         return candidates.gather(1, best)[:, 0]
 
     def observe(self, env) -> torch.Tensor:
-        """The tracker's observation of the current states (n, o), term by term as `pipeline.tracking.reference`."""
+        """The tracker's observation (n, o) of the current states, with the terms of `pipeline.tracking.reference`."""
         state, target = env.robot_state, self._target()
         links = self._link_index(env)
         to_root = state.root_rotation_w.transpose(1, 2)
-        cos, sin = torch.cos(self.turn), torch.sin(self.turn)
+        cos, sin = torch.cos(self.yaw_offset), torch.sin(self.yaw_offset)
         zero, one = torch.zeros_like(cos), torch.ones_like(cos)
-        turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], dim=1).view(-1, 3, 3)
-        ahead = turn @ (self._root_pos[target] - self._root_pos[self.frame])[..., None]
-        anchor_xy = self.path_xy + ahead[:, :2, 0]
+        yaw_rotation = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], dim=1).view(-1, 3, 3)
+        displacement = yaw_rotation @ (self._root_pos[target] - self._root_pos[self.frame])[..., None]
+        anchor_xy = self.path_xy + displacement[:, :2, 0]
         height = env.scene.env_origins[:, 2:] + self._root_pos[target, 2:]
-        off = (torch.cat([anchor_xy, height], dim=1) - state.root_pos_w)[..., None]
+        anchor_error = (torch.cat([anchor_xy, height], dim=1) - state.root_pos_w)[..., None]
         link_pos = env.sim.data.xpos[:, links] - state.root_pos_w[:, None]
         link_rotation = to_root[:, None] @ env.sim.data.xmat[:, links]
         terms = [
             self._joint_pos[target],
             self._joint_vel[target],
-            (to_root @ off)[..., 0],
-            (to_root @ turn @ self._rotation[target])[..., :2].flatten(1),
+            (to_root @ anchor_error)[..., 0],
+            (to_root @ yaw_rotation @ self._rotation[target])[..., :2].flatten(1),
             (link_pos @ state.root_rotation_w).flatten(1),
             link_rotation[..., :2].flatten(1),
             state.lin_vel_b,
@@ -180,7 +180,7 @@ class ClipTeacher:
         return torch.cat(terms, dim=1)
 
     def _link_index(self, env) -> torch.Tensor:
-        """Indices of the key links in the simulation (k,)."""
+        """Body indices of the key links in the simulation (k,)."""
         links = self._links
         if links is None:
             robot = env.scene["robot"]
@@ -189,19 +189,19 @@ class ClipTeacher:
         return links
 
     def act(self, env) -> torch.Tensor:
-        """The policy's action (n, a) that gives the tracker's joint targets at the current states."""
+        """The policy action (n, a) that yields the tracker's joint targets for the current states."""
         residual = self._network(torch.nan_to_num(self.observe(env)))
         targets = self._default.repeat(len(residual), 1)
         targets[:, self._controlled] = self._joint_pos[self._target()][:, self._controlled] + ACTION_SCALE * residual
         return (targets - self._default)[:, self._policy] / SCALE
 
-    def executed(self, action: torch.Tensor) -> None:
-        """Remember the policy's action (n, a) of this step, as the tracker's last action."""
+    def record_action(self, action: torch.Tensor) -> None:
+        """Store the executed policy action (n, a) as the tracker's last action."""
         targets = self._default.repeat(len(action), 1)
         targets[:, self._policy] += SCALE * action
         residual = (targets - self._joint_pos[self._target()])[:, self._controlled] / ACTION_SCALE
         self._last_action.copy_(residual)
 
     def _target(self) -> torch.Tensor:
-        """Frame to reach at the end of the control step (n,)."""
+        """Target frame at the end of the control step (n,)."""
         return torch.minimum(self.frame + 1, self._last[self.frame])

@@ -1,1 +1,1 @@
-"""Terms of the environment: commands, actions, observations, rewards, events, terminations, start states."""
+"""MDP terms: commands, actions, observations, rewards, events, terminations, start states."""

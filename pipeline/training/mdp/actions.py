@@ -1,7 +1,7 @@
-"""The policy's action: joint targets q_default + 0.25 a; joints that it does not move keep their default.
+"""The policy's action: joint targets q_default + 0.25 a; the other joints keep their default position.
 
-A target arrives some physics steps late; how many is drawn for each episode, at most as many as the ramp of the
-disturbances allows.
+Targets are delayed by some physics steps, drawn for each episode up to a maximum that grows with the disturbance
+ramp.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from mjlab.managers.action_manager import ActionTerm, ActionTermCfg
 from pipeline.training.masks import replace
 
 SCALE = 0.25
-"""[rad]"""
+"""Joint target per unit of action [rad]."""
 
 
 @dataclass(kw_only=True)
@@ -29,7 +29,7 @@ class PolicyActionCfg(ActionTermCfg):
 
 
 class PolicyAction(ActionTerm):
-    """Actions (n, a) in the network's order to position targets of all joints in the robot's."""
+    """Convert actions (n, a) in the network's order to position targets of all joints in the robot's order."""
 
     cfg: PolicyActionCfg
 
@@ -40,7 +40,7 @@ class PolicyAction(ActionTerm):
         self._target = env.default_joint_pos.repeat(self.num_envs, 1)
         self._before, self._earlier = self._target.clone(), self._target.clone()
         self._period = env.cfg.decimation
-        self._largest_lag = round(cfg.delay_s / env.physics_dt)
+        self._max_lag = round(cfg.delay_s / env.physics_dt)
         self._lag = torch.zeros(self.num_envs, 1, dtype=torch.long, device=self.device)
         self._substep = 0
         env.restarts.append(self.restart)
@@ -61,20 +61,20 @@ class PolicyAction(ActionTerm):
         self._target[:, self._index] = self._env.default_joint_pos[self._index] + SCALE * actions
 
     def apply_actions(self) -> None:
-        """At each physics step: the new target, or the newest that has arrived where the new one is late."""
+        """Write the newest target that has arrived, at each physics step."""
         target = self._target
-        for late, older in ((self._substep, self._before), (self._substep + self._period, self._earlier)):
-            if late < self._largest_lag:
-                target = torch.where(self._lag > late, older, target)
+        for delay, older in ((self._substep, self._before), (self._substep + self._period, self._earlier)):
+            if delay < self._max_lag:
+                target = torch.where(self._lag > delay, older, target)
         self._entity.set_joint_position_target(target)
         self._substep += 1
 
     def restart(self, mask: torch.Tensor) -> None:
-        """Environments that begin an episode do so at the default pose's target, with another delay."""
+        """Reset the targets of environments in `mask` (n,) to the default pose, and draw their delays."""
         replace(self._raw, mask, 0.0)
         for target in (self._target, self._before):
             replace(target, mask, self._env.default_joint_pos)
-        if self._largest_lag:
-            most = self._env.disturbance * self._largest_lag + 1.0
-            drawn = (torch.rand(self._lag.shape, device=self.device) * most).long()
-            replace(self._lag, mask, drawn.clamp(max=self._largest_lag))
+        if self._max_lag:
+            bound = self._env.disturbance * self._max_lag + 1.0
+            drawn = (torch.rand(self._lag.shape, device=self.device) * bound).long()
+            replace(self._lag, mask, drawn.clamp(max=self._max_lag))

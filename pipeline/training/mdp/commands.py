@@ -1,4 +1,4 @@
-"""Velocity commands: their distribution, and the command term."""
+"""Distribution of velocity commands, and the command term."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ FAST = (1.0, 2.0)
 RESAMPLE_S = (8.0, 12.0)
 """Time between commands [s]."""
 SLEW = 1.0
-"""Rate of change of a slewed command [m/s^2, rad/s^2], as the deployment limits it."""
+"""Rate limit of a slewed command [m/s^2, rad/s^2], as in deployment."""
 OLD_S = 10.0
-"""Age of the command of an episode that begins at the commanded velocity [s]."""
+"""Initial command age of an episode that begins at the commanded velocity [s]."""
 STANDING = 1e-6
-"""A command that exceeds this on no axis is the command to stand [m/s, rad/s]."""
+"""A command below this on all axes is a standing command [m/s, rad/s]."""
 
 
 def moves(command: torch.Tensor) -> torch.Tensor:
-    """Whether commands (n, 3) ask for more than standing (n,)."""
+    """Whether commands (n, 3) are moving, not standing, commands (n,)."""
     return (command.abs() > STANDING).any(dim=1)
 
 
 def draw_commands(count: int, config: CommandsConfig, device: str | torch.device) -> torch.Tensor:
-    """Commands (count, 3): forward and lateral velocity [m/s], yaw rate [rad/s].
+    """Draw commands (count, 3): forward and lateral velocity [m/s], yaw rate [rad/s].
 
-    Every kind is drawn for all environments and chosen by a mask, so that no count has to be known.
+    Every kind is drawn for all environments and selected by a mask, which avoids a GPU synchronization.
     """
     normal = torch.stack([_uniform(count, *span, device) for span in NORMAL], dim=1)
     axis = torch.randint(3, (count,), device=device)
@@ -49,10 +49,10 @@ def draw_commands(count: int, config: CommandsConfig, device: str | torch.device
     return command
 
 
-def _fast(count: int, largest_yaw: float, device: str | torch.device) -> torch.Tensor:
-    """Fast forward commands, half of which turn."""
+def _fast(count: int, max_yaw_rate: float, device: str | torch.device) -> torch.Tensor:
+    """Draw fast forward commands; half of them have a yaw rate."""
     forward = _uniform(count, *FAST, device)
-    yaw = _uniform(count, -largest_yaw, largest_yaw, device) * (torch.rand(count, device=device) < 0.5)
+    yaw = _uniform(count, -max_yaw_rate, max_yaw_rate, device) * (torch.rand(count, device=device) < 0.5)
     return torch.stack([forward, torch.zeros_like(yaw), yaw], dim=1)
 
 
@@ -71,7 +71,7 @@ class VelocityCommandCfg(CommandTermCfg):
 
 
 class VelocityCommand(CommandTerm):
-    """The command of each environment, drawn again every few seconds; in distillation the clip's."""
+    """Velocity command of each environment, resampled every few seconds; in distillation the clip's."""
 
     cfg: VelocityCommandCfg
 
@@ -79,7 +79,7 @@ class VelocityCommand(CommandTerm):
         super().__init__(cfg, env)
         self._command = torch.zeros(self.num_envs, 3, device=self.device)
         self.goal = torch.zeros(self.num_envs, 3, device=self.device)
-        """What the command (n, 3) is, or approaches where it is slewed."""
+        """Target (n, 3) of the command, which a slewed command approaches."""
         slewed = torch.rand(self.num_envs, device=self.device) < cfg.config.slew_share
         self._rate = torch.where(slewed, SLEW, torch.inf)[:, None]
         self.age = torch.zeros(self.num_envs, device=self.device)
@@ -91,30 +91,30 @@ class VelocityCommand(CommandTerm):
         return self._command
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
-        """Let commands grow older by `dt` [s], a number or (n,); where the time is up, draw the next one."""
+        """Advance by `dt` [s], a number or (n,), and resample expired commands."""
         self.time_left -= dt
         self._draw(self.time_left <= 0.0)
         self.age += dt
-        self._command.copy_(self._approached(dt))
+        self._command.copy_(self._slewed(dt))
         if self._env.teacher is not None:
             self.goal.copy_(self._env.teacher.command)
             self._command.copy_(self._env.teacher.command)
 
-    def _approached(self, dt: float | torch.Tensor) -> torch.Tensor:
-        """The command (n, 3) after another `dt` [s] on its way to the goal."""
-        most = self._rate * torch.as_tensor(dt, device=self.device).reshape(-1, 1).clamp(min=1e-9)
-        way = self.goal - self._command
-        return torch.where(way.abs() <= most, self.goal, self._command + torch.sign(way) * most.nan_to_num(posinf=0.0))
+    def _slewed(self, dt: float | torch.Tensor) -> torch.Tensor:
+        """The command (n, 3) after approaching the goal for `dt` [s]."""
+        step = self._rate * torch.as_tensor(dt, device=self.device).reshape(-1, 1).clamp(min=1e-9)
+        gap = self.goal - self._command
+        return torch.where(gap.abs() <= step, self.goal, self._command + torch.sign(gap) * step.nan_to_num(posinf=0.0))
 
     def restart(self, mask: torch.Tensor) -> None:
-        """Draw the command of environments (n,) that begin an episode, or take the start frame's, OLD_S old. A slewed
-        command begins at the velocity of the start state."""
+        """Resample the commands of environments in `mask` (n,), or keep the start frame's, with age OLD_S. A slewed
+        command starts at the velocity of the start state."""
         self._draw(mask)
-        own = self._env.own_command
-        kept = mask & ~own.isnan().any(dim=1)
+        start = self._env.start_command
+        kept = mask & ~start.isnan().any(dim=1)
         replace(self._command, mask, torch.where(self._rate.isinf(), self.goal, self._env.start_velocity))
         for value in (self.goal, self._command):
-            replace(value, kept, own)
+            replace(value, kept, start)
         replace(self.age, kept, OLD_S)
 
     def _draw(self, mask: torch.Tensor) -> None:
@@ -124,10 +124,10 @@ class VelocityCommand(CommandTerm):
         replace(self.age, mask, 0.0)
 
     def _resample_command(self, env_ids: torch.Tensor) -> None:
-        """Nothing: `compute` and `restart` draw."""
+        """No-op: `compute` and `restart` resample."""
 
     def _update_command(self, env_ids: torch.Tensor | None) -> None:
-        """Nothing: `compute` does it."""
+        """No-op: `compute` updates the command."""
 
     def _update_metrics(self) -> None:
-        """None: `curves.py` keeps the figures."""
+        """No-op: `curves.py` records the metrics."""

@@ -1,7 +1,7 @@
-"""What is drawn at random: friction, gains, trunk mass, rotors, slopes, kicks and pushes.
+"""Domain randomization and disturbances: friction, gains, trunk mass, rotors, slopes, kicks and pushes.
 
-mjlab's own pushes sample by indices and can not grow over a run; ours work by masks and follow `env.disturbance`, the
-ramp of the disturbances, 0 to 1.
+mjlab's pushes sample by indices and keep their magnitude over a run. These pushes use masks and scale with
+`env.disturbance`, the disturbance ramp, 0 to 1.
 """
 
 import math
@@ -21,20 +21,20 @@ from pipeline.training.masks import replace
 from pipeline.training.rotors import rotors_on_links
 
 FORCE_S = 0.1
-"""Duration of a push by a force [s]."""
+"""Duration of a force push [s]."""
 SMALLEST_PUSH = 0.2
 """Smallest push as a fraction of the largest (paper)."""
 SLOPED_SHARE = 1.0 / 3.0
-"""Environments on a slope."""
+"""Share of environments on a slope."""
 ROTOR_LEVELS = 5
-"""Shares of the rotors' inertia on the links, from none to all."""
+"""Number of discrete shares of rotor inertia on the links, from 0 to 1."""
 
 
 class Slopes:
-    """A sloped ground as tilted gravity: to a robot on a plane both are the same, and tilted gravity costs nothing.
+    """Sloped ground, simulated as tilted gravity on a plane, which is equivalent and costs nothing.
 
-    The angle and direction of each environment are drawn once. The world's z axis is the ground's normal; gravity in
-    mjlab's data and in the simulation is the tilted one.
+    Angle and direction of each environment are drawn once. The world's z axis is the ground's normal; gravity is tilted
+    in both mjlab's data and the simulation.
     """
 
     def __init__(self, env):
@@ -42,54 +42,54 @@ class Slopes:
         sloped = torch.rand(count, device=device) < SLOPED_SHARE
         steepest = math.radians(env.context.config.randomization.slope_deg)
         self._angle = steepest * torch.rand(count, device=device) * sloped
-        way = 2.0 * math.pi * torch.rand(count, device=device)
-        self._way_w = torch.stack([torch.cos(way), torch.sin(way)], dim=1)
+        azimuth = 2.0 * math.pi * torch.rand(count, device=device)
+        self._direction_w = torch.stack([torch.cos(azimuth), torch.sin(azimuth)], dim=1)
         self.down_w = env.scene["robot"].data.gravity_vec_w
-        """Unit vector of gravity (n, 3), which mjlab's terms read as well."""
+        """Unit gravity vector (n, 3), which mjlab's terms also read."""
         self._gravity_w = GRAVITY * self.down_w
         if steepest:
             env.sim.wp_model.opt.gravity = wp.from_torch(self._gravity_w, dtype=wp.vec3)
-            env.sim.create_graph()  # a graph recorded before reads the one vector of all environments
+            env.sim.create_graph()  # an earlier graph reads one gravity vector shared by all environments
 
-    def grow(self, share: float) -> None:
-        """Set the slopes to a share of their steepest."""
+    def set_scale(self, share: float) -> None:
+        """Set the slopes to a share (0 to 1) of their maximum."""
         tilt = share * self._angle[:, None]
-        self.down_w.copy_(torch.cat([torch.sin(tilt) * self._way_w, -torch.cos(tilt)], dim=1))
+        self.down_w.copy_(torch.cat([torch.sin(tilt) * self._direction_w, -torch.cos(tilt)], dim=1))
         self._gravity_w.copy_(GRAVITY * self.down_w)
 
 
 class PushTimer:
-    """Times and directions of one kind of push, in the unit of `largest`; the end of an episode restarts no time.
+    """Times and directions of one kind of push, in the unit of `max_push`; resets do not restart the timer.
 
-    `scale` is the factor from pushes of the T1, for which `largest` is given, to those of the robot.
+    `max_push` is given for the T1 (before and after the ramp); `scale` converts it to the robot.
     """
 
-    def __init__(self, env, config: PushesConfig, largest: tuple[float, float], scale: float):
+    def __init__(self, env, config: PushesConfig, max_push: tuple[float, float], scale: float):
         self._env, self._span = env, config.interval_s
-        self._largest = (scale * largest[0], scale * largest[1])
+        self._max_push = (scale * max_push[0], scale * max_push[1])
         self._left_s = torch.zeros(env.num_envs, device=env.device)
         self._draw(torch.ones(env.num_envs, dtype=torch.bool, device=env.device))
 
     def due(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """A control step later: whether a push begins (n,), and the push in the world (n, 3)."""
+        """Advance by a control step; return whether a push begins (n,), and the push in the world frame (n, 3)."""
         self._left_s -= self._env.step_dt
         begins = self._left_s <= 0.0
-        low, high = self._largest
+        low, high = self._max_push
         push_w = horizontal(len(begins), SMALLEST_PUSH, begins.device) * (low + (high - low) * self._env.disturbance)
         replace(self._env.steps_since_push, begins, 0)
         self._draw(begins)
         return begins, push_w
 
     def _draw(self, mask: torch.Tensor) -> None:
-        """Draw the time to the next push of some environments (n,)."""
+        """Draw the time to the next push of environments in `mask` (n,)."""
         low, high = self._span
         replace(self._left_s, mask, low + (high - low) * torch.rand_like(self._left_s))
 
 
-def horizontal(count: int, least: float, device: str | torch.device) -> torch.Tensor:
-    """Vectors (count, 3) in random horizontal directions, of length `least` to 1."""
+def horizontal(count: int, min_length: float, device: str | torch.device) -> torch.Tensor:
+    """Vectors (count, 3) in random horizontal directions, of length `min_length` to 1."""
     angle = 2.0 * math.pi * torch.rand(count, device=device)
-    length = least + (1.0 - least) * torch.rand(count, device=device)
+    length = min_length + (1.0 - min_length) * torch.rand(count, device=device)
     return torch.stack([length * torch.cos(angle), length * torch.sin(angle), torch.zeros_like(angle)], dim=1)
 
 
@@ -125,21 +125,21 @@ class Push:
         replace(self._left_s, begins, FORCE_S)
 
     def restart(self, mask: torch.Tensor) -> None:
-        """End the push of environments (n,) that begin an episode; the environment zeroes the force."""
+        """End the pushes of environments in `mask` (n,); the environment zeroes the force."""
         replace(self._left_s, mask, 0.0)
 
 
 @requires_model_fields("body_inertia", "body_iquat", "dof_armature", recompute=RecomputeLevel.set_const)
 def rotors_on_some_links(env, env_ids: torch.Tensor | None) -> None:
-    """At startup: in some environments a share of the rotors' inertia is on the links."""
+    """Move a share of the rotor inertia to the links in some environments, at startup."""
     model, count = env.sim.mj_model, env.num_envs
     level = torch.randint(1, ROTOR_LEVELS, (count,), device=env.device)
     level *= torch.rand(count, device=env.device) < env.context.config.randomization.rotor_link_share
-    moved = [rotors_on_links(model, each / (ROTOR_LEVELS - 1)) for each in range(ROTOR_LEVELS)]
+    variants = [rotors_on_links(model, each / (ROTOR_LEVELS - 1)) for each in range(ROTOR_LEVELS)]
     bodies = torch.from_numpy(np.unique(model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]))
     rows, bodies = torch.arange(count, device=env.device)[:, None], bodies.long().to(env.device)[None]
     inertia, iquat, armature = (
-        torch.from_numpy(np.stack(values)).float().to(env.device) for values in zip(*moved, strict=True)
+        torch.from_numpy(np.stack(values)).float().to(env.device) for values in zip(*variants, strict=True)
     )
     for name, table in (("body_inertia", inertia), ("body_iquat", iquat)):
         getattr(env.sim.model, name)[rows, bodies] = table[level][rows, bodies]
@@ -147,7 +147,7 @@ def rotors_on_some_links(env, env_ids: torch.Tensor | None) -> None:
 
 
 def event_cfg(robot: RobotFacts, config: Config, distils: bool) -> dict[str, EventTermCfg]:
-    """Events; no kicks and pushes in distillation."""
+    """Configuration of the events; distillation has no kicks or pushes."""
     random, pushes = config.randomization, config.pushes
     feet = SceneEntityCfg("robot", geom_names=tuple(f"^{name}$" for name in robot.shapes["feet"]))
     trunk = SceneEntityCfg("robot", body_names=(f"^{robot.root_link}$",))

@@ -1,7 +1,7 @@
 """Observations of actor and critic.
 
-The actor's 72 x 10 numbers are those of `pipeline/deployment/controller.py`, time-major, the oldest frame first, zeros
-before the episode; joints in the network's order. The critic: the newest frame without noise, and what rewards read.
+The actor observes the 72 x 10 numbers of `pipeline/deployment/controller.py`, time-major, oldest frame first, zeros
+before the episode; joints in the network's order. The critic: the newest frame without noise, and inputs of rewards.
 """
 
 import torch
@@ -10,11 +10,11 @@ from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationT
 from pipeline.training.masks import replace
 
 HISTORY = 10
-"""Frames that the actor observes."""
+"""Frames in the actor's observation."""
 COMMAND = slice(6, 9)
 """Columns of the command in a frame."""
-LARGEST = 100.0
-"""Observations are clipped here, so that a simulation that diverges does not reach the network."""
+OBSERVATION_LIMIT = 100.0
+"""Bound of observations, which protects the network from a diverging simulation."""
 NOISE = (0.2, 0.05, 0.01, 0.5)
 """Half width of the uniform noise of gyro [rad/s], gravity, joint positions [rad] and velocities [rad/s] (paper)."""
 
@@ -27,12 +27,12 @@ def frame(
     joint_vel: torch.Tensor,
     last_action: torch.Tensor,
 ) -> torch.Tensor:
-    """One frame (n, 9 + 3 a); joints in the network's order, positions relative to the default pose."""
+    """Build a frame (n, 9 + 3 a); joints in the network's order, positions relative to the default pose."""
     return torch.cat([gyro_b, gravity_b, command, joint_offset, joint_vel, last_action], dim=1)
 
 
 def newest_frame(env) -> torch.Tensor:
-    """The frame of the current state."""
+    """The frame (n, 9 + 3 a) of the current state, without noise."""
     state, index = env.robot_state, env.policy_index
     newest = frame(
         state.ang_vel_b,
@@ -42,18 +42,18 @@ def newest_frame(env) -> torch.Tensor:
         state.joint_vel[:, index],
         env.action_manager.action,
     )
-    return torch.nan_to_num(newest).clamp(-LARGEST, LARGEST)
+    return torch.nan_to_num(newest).clamp(-OBSERVATION_LIMIT, OBSERVATION_LIMIT)
 
 
 def noise_scale(factor: float, joints: int) -> torch.Tensor:
-    """Half width of the uniform noise of each number of a frame; command and last action have none."""
+    """Half width of the uniform noise of each number in a frame; 0 for command and last action."""
     gyro, gravity, pos, vel = (factor * width for width in NOISE)
     parts = [(gyro, 3), (gravity, 3), (0.0, 3), (pos, joints), (vel, joints), (0.0, joints)]
     return torch.cat([torch.full((size,), value) for value, size in parts])
 
 
 class ActorHistory:
-    """The last frames of each environment, with the sensors' noise."""
+    """The last frames of each environment, with sensor noise."""
 
     def __init__(self, cfg: ObservationTermCfg, env):
         joints = len(env.policy_index)
@@ -69,18 +69,18 @@ class ActorHistory:
         return self._frames.flatten(1)
 
     def restart(self, mask: torch.Tensor) -> None:
-        """Empty the history of environments (n,) that begin an episode."""
+        """Zero the history of environments in `mask` (n,)."""
         replace(self._frames, mask, 0.0)
 
 
 def critic_frame(env) -> torch.Tensor:
-    """The newest frame, the base's velocity, the averaged one that is rewarded, and the feet's contacts (n, 72 + 8)."""
+    """The newest frame, base velocity, averaged velocity (as in rewards) and foot contacts (n, 72 + 8)."""
     state = env.robot_state
     return torch.cat([newest_frame(env), state.lin_vel_b, state.mean_velocity, state.contacts.float()], dim=1)
 
 
 def observation_cfg() -> dict[str, ObservationGroupCfg]:
-    """The groups `actor` and `critic`."""
+    """Observation groups `actor` and `critic`."""
     return {
         "actor": ObservationGroupCfg(terms={"history": ObservationTermCfg(func=ActorHistory)}),
         "critic": ObservationGroupCfg(terms={"frame": ObservationTermCfg(func=critic_frame)}),

@@ -1,8 +1,8 @@
-"""Rewards: each term is a function of the environment, and one line in `reward_cfg`.
+"""Rewards: each term is a function of the environment and one line in `reward_cfg`.
 
-Terms of mjlab are used where it has them. Velocities `command` and `velocity` are (n, 3): forward, lateral [m/s] in the
-yaw frame, yaw rate [rad/s]. Penalties are returned as positive numbers; their weights are negative. mjlab multiplies by
-the control step. The paper's numbers are those of its reward table; what the recipe changes is an option
+Existing terms of mjlab are reused. Velocities `command` and `velocity` are (n, 3): forward, lateral [m/s] in the yaw
+frame, yaw rate [rad/s]. Penalty terms return positive values and have negative weights. mjlab multiplies by the control
+step. Weights are those of the paper's reward table; weights that the recipe changes are options
 (`config.RewardsConfig`).
 """
 
@@ -19,26 +19,26 @@ from pipeline.training.mdp.terminations import ended_by, fell
 from pipeline.training.robot_state import CONTACT_FORCE
 
 SIGMA2 = 0.25
-"""Width of the paper's tracking kernels [m^2/s^2]."""
+"""sigma^2 of the paper's tracking kernels [m^2/s^2]."""
 FINE_SIGMA2 = 0.05
-"""Width of the narrow one."""
+"""sigma^2 of the narrow kernel [m^2/s^2]."""
 COMMANDED = 0.1
-"""Least commanded speed [m/s] and yaw rate [rad/s] that progress counts."""
+"""Least commanded speed [m/s] and yaw rate [rad/s] for `progress`."""
 ENOUGH = 0.8
-"""Share of the command that counts as reached. A gait's velocity fluctuates: a term that is full at the command itself
-pays for more than the command (10 % more were measured)."""
+"""Share of the command with full reward. A gait's velocity fluctuates, so a term that saturates at the command itself
+rewards overshoot (10 % was measured)."""
 SLOW_M_S = 0.2
-"""A trunk of the T1 that moves faster was pushed, and may be caught by a step [m/s]."""
+"""Trunk speed of the T1 above which it was pushed and may take a recovery step [m/s]."""
 FORCE_SOFT, FORCE_SPAN = 500.0, 400.0
-"""Foot force without cost, and the span beyond it in which the cost grows, of the T1 [N] (paper)."""
-FEET_APART = 0.2
-"""Distance of the T1's feet [m] (paper)."""
+"""Foot force of the T1 without penalty, and the range above it over which the penalty grows [N] (paper)."""
+FEET_DISTANCE_M = 0.2
+"""Lateral foot distance of the T1 [m] (paper)."""
 FULL_TORQUE = 0.85
-"""Share of the motor's torque at its speed that costs nothing."""
+"""Share of the motor's torque limit at its speed without penalty."""
 
 
 def track_axis(env, axis: int) -> torch.Tensor:
-    """exp(-(c - v)^2 / sigma^2) of one axis."""
+    """exp(-(c - v)^2 / sigma^2) of one velocity axis."""
     return torch.exp(-torch.square(env.command - env.robot_state.velocity)[:, axis] / SIGMA2)
 
 
@@ -48,8 +48,8 @@ def track_all(env, sigma2: float) -> torch.Tensor:
 
 
 def progress(env) -> torch.Tensor:
-    """Share of the commanded speed and of the yaw rate that the averaged velocity reaches, by `ENOUGH`, -1 to 1; the
-    mean of those that are commanded."""
+    """Share of the commanded speed and yaw rate achieved by the averaged velocity, over `ENOUGH`, -1 to 1; mean of the
+    commanded ones."""
     return reached_share(env.command, env.robot_state.mean_velocity)
 
 
@@ -64,8 +64,8 @@ def reached_share(command: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor
 
 
 def stand_still(env, slow: float) -> torch.Tensor:
-    """At the command to stand: feet off the ground while the trunk is slower than `slow` [m/s], and 0.05 of the joints'
-    speed [rad/s]."""
+    """For a standing command: number of lifted feet while the trunk is slower than `slow` [m/s], plus 0.05 times the
+    joint speed norm [rad/s]."""
     state = env.robot_state
     lifted = (~state.contacts).float().sum(dim=1) * (torch.linalg.norm(state.lin_vel_b[:, :2], dim=1) < slow)
     return ~moves(env.command) * (lifted + 0.05 * torch.linalg.norm(state.joint_vel, dim=1))
@@ -82,7 +82,7 @@ def ang_vel_xy_l2(env) -> torch.Tensor:
 
 
 def energy(env) -> torch.Tensor:
-    """Norm over joints of their powers [W] (paper)."""
+    """Norm of the joint powers [W] (paper)."""
     return torch.linalg.norm(env.robot_state.torque * env.robot_state.joint_vel, dim=1)
 
 
@@ -92,7 +92,7 @@ def power(env, last: float) -> torch.Tensor:
 
 
 def saturation(env) -> torch.Tensor:
-    """Torque beyond FULL_TORQUE of what the motor can give at its speed, as a share, at most 0.5 a joint; summed."""
+    """Torque above FULL_TORQUE of the motor's limit at its speed, as a share, at most 0.5 per joint; summed."""
     torque, speed = env.robot_state.torque, env.robot_state.joint_vel
     limit = motor_limit(torque, speed, env.effort_limit, env.stall_torque, env.no_load_speed)
     return torch.clamp(torque.abs() / limit - FULL_TORQUE, 0.0, 0.5).sum(dim=1)
@@ -101,14 +101,14 @@ def saturation(env) -> torch.Tensor:
 def motor_limit(
     torque: torch.Tensor, joint_vel: torch.Tensor, limit: torch.Tensor, stall: torch.Tensor, no_load: torch.Tensor
 ) -> torch.Tensor:
-    """Torque that motors can give at their speed in the torque's direction [N m], at least a tenth of the limit.
+    """Available motor torque (n, j) at the current speed, in the torque's direction [N m]; at least 0.1 of the limit.
 
     Args:
-        torque: (n, j) [N m]; only its sign matters
+        torque: (n, j) [N m]; only its sign is used
         joint_vel: (n, j) [rad/s]
-        limit: largest torque (j,) [N m]
-        stall: torque at which the line meets standstill (j,) [N m]
-        no_load: speed at which it meets zero torque (j,) [rad/s]; infinite: the limit at every speed
+        limit: torque limit (j,) [N m]
+        stall: stall torque of the torque-speed line (j,) [N m]
+        no_load: no-load speed (j,) [rad/s]; infinite: the limit at every speed
     """
     slack = 1.0 - torch.sign(torque) * joint_vel / no_load
     return torch.minimum(torch.maximum(stall * slack, 0.1 * limit), limit)
@@ -122,56 +122,56 @@ def joints_beyond_limits(env) -> torch.Tensor:
 
 
 def fallen(env) -> torch.Tensor:
-    """1 where the episode ends by a fall."""
+    """1 if the episode terminates by a fall."""
     return fell(env).float()
 
 
 def stalled(env) -> torch.Tensor:
-    """1 where the episode ends because the command was ignored."""
+    """1 if the episode terminates because the command was ignored."""
     return ended_by(env, "stalled").float()
 
 
 def undesired_contacts(env) -> torch.Tensor:
-    """Number of shapes other than the feet that are in contact."""
+    """Number of collision shapes other than the feet in contact."""
     return (torch.linalg.norm(env.robot_state.other_force_w, dim=-1) > CONTACT_FORCE).float().sum(dim=1)
 
 
 def feet_slide(env) -> torch.Tensor:
-    """Horizontal speed of the lowest sole corner of feet in contact, summed [m/s]."""
+    """Horizontal speed of the lowest sole corner, summed over feet in contact [m/s]."""
     speed = torch.linalg.norm(env.robot_state.lowest_corner_vel_w[..., :2], dim=-1)
     return (speed * env.robot_state.contacts).sum(dim=1)
 
 
 def feet_force(env, soft: float, span: float) -> torch.Tensor:
-    """Norm of the feet's vertical forces beyond `soft`, at most `span` [N]."""
+    """Norm of the vertical foot forces above `soft`, at most `span` [N]."""
     vertical = torch.linalg.norm(env.robot_state.feet_force_w[..., 2], dim=1)
     return torch.clamp(vertical - soft, 0.0, span)
 
 
-def feet_too_near(env, apart: float) -> torch.Tensor:
-    """By how much the feet are nearer than `apart` [m]."""
+def feet_too_near(env, distance: float) -> torch.Tensor:
+    """Shortfall of the foot distance below `distance` [m]."""
     feet = env.robot_state.feet_pos_w
-    return torch.clamp(apart - torch.linalg.norm(feet[:, 0] - feet[:, 1], dim=1), min=0.0)
+    return torch.clamp(distance - torch.linalg.norm(feet[:, 0] - feet[:, 1], dim=1), min=0.0)
 
 
 def feet_stumble(env) -> torch.Tensor:
-    """1 where the horizontal force on a foot is more than five times the vertical one."""
+    """1 if the horizontal force on a foot exceeds five times the vertical force."""
     force = env.robot_state.feet_force_w
     return (torch.linalg.norm(force[..., :2], dim=-1) > 5.0 * force[..., 2].abs()).any(dim=1).float()
 
 
-def feet_lateral_distance(env, apart: float) -> torch.Tensor:
-    """Difference of the feet's lateral distance in the yaw frame from `apart` [m]; 0 at lateral commands."""
+def feet_lateral_distance(env, distance: float) -> torch.Tensor:
+    """Deviation of the lateral foot distance in the yaw frame from `distance` [m]; 0 for lateral commands."""
     feet, heading = env.robot_state.feet_pos_w, env.robot_state.heading_w
     gap_w = feet[:, 0] - feet[:, 1]
     gap = gap_w[:, 1] * heading[:, 0] - gap_w[:, 0] * heading[:, 1]
-    return torch.abs(gap.abs() - apart) * (env.command[:, 1].abs() < 0.1)
+    return torch.abs(gap.abs() - distance) * (env.command[:, 1].abs() < 0.1)
 
 
 def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
-    """All terms but those of weight 0. Forces and distances are scaled to the robot; weights are the same for all."""
+    """Reward terms with nonzero weight. Forces and distances are scaled to the robot, weights are not."""
     force = {"soft": FORCE_SOFT * robot.weight_ratio, "span": FORCE_SPAN * robot.weight_ratio}
-    apart = {"apart": FEET_APART * robot.leg_ratio}
+    distance = {"distance": FEET_DISTANCE_M * robot.leg_ratio}
     slow = {"slow": SLOW_M_S * math.sqrt(robot.leg_ratio)}
     weights, term = config.rewards, RewardTermCfg
     limits = joints_beyond_limits if weights.joint_limits == "indicator" else mdp.joint_pos_limits
@@ -199,8 +199,8 @@ def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
         "undesired_contacts": term(func=undesired_contacts, weight=-1.0),
         "feet_slide": term(func=feet_slide, weight=weights.feet_slide),
         "feet_force": term(func=feet_force, weight=-3e-3, params=force),
-        "feet_too_near": term(func=feet_too_near, weight=-2.0, params=apart),
+        "feet_too_near": term(func=feet_too_near, weight=-2.0, params=distance),
         "feet_stumble": term(func=feet_stumble, weight=-2.0),
-        "feet_lateral_distance": term(func=feet_lateral_distance, weight=-2.0, params=apart),
+        "feet_lateral_distance": term(func=feet_lateral_distance, weight=-2.0, params=distance),
     }
     return {name: each for name, each in terms.items() if each.weight != 0.0}

@@ -1,4 +1,4 @@
-"""States that episodes begin at: mostly frames of the expert or of reference clips, else near the default pose."""
+"""Start states of episodes: mostly frames of the expert or of reference clips, else near the default pose."""
 
 import math
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ from pipeline.training.bundle import ExpertFrames
 from pipeline.training.masks import replace
 
 LIFT_M = 0.02
-"""Frames are lifted by this much, so that no sole begins in the ground [m]."""
+"""Height added to start states, so that no sole penetrates the ground [m]."""
 JOINT_NOISE = 0.02
-"""[rad]"""
+"""Half width of the noise of start joint positions [rad]."""
 SPEED_NOISE = 0.2
-"""Of the base near the default pose [m/s, rad/s]."""
+"""Half width of the noise of base velocities near the default pose [m/s, rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartStates:
-    """T states to draw from, as tensors on the device."""
+    """T candidate start states, as tensors on the device."""
 
     root_pos: torch.Tensor
-    """(t, 3) [m]; only the height counts."""
+    """(t, 3) [m]; only the height is used."""
     root_quat: torch.Tensor
     """(t, 4) wxyz."""
     joint_pos: torch.Tensor
@@ -35,30 +35,30 @@ class StartStates:
     joint_vel: torch.Tensor
     """(t, j) [rad/s]"""
     command: torch.Tensor
-    """(t, 3) that each state obeys [m/s, m/s, rad/s]."""
+    """(t, 3) velocity of each state [m/s, m/s, rad/s]."""
     drawn: torch.Tensor
-    """(m,) indices of states; an episode begins at one of them, drawn uniformly."""
-    own: torch.Tensor
-    """(m, 3) command that an episode there keeps, NaN where it draws one [m/s, m/s, rad/s]."""
+    """(m,) sampled state indices; each episode begins at one of these, drawn uniformly."""
+    kept_command: torch.Tensor
+    """(m, 3) command to keep after starting there, NaN to sample one [m/s, m/s, rad/s]."""
 
     def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Indices (count,) of states, and commands (count, 3) that are kept, else NaN."""
-        at = torch.randint(len(self.drawn), (count,), device=self.drawn.device)
-        return self.drawn[at], self.own[at]
+        """Draw state indices (count,) and commands to keep (count, 3), else NaN."""
+        row = torch.randint(len(self.drawn), (count,), device=self.drawn.device)
+        return self.drawn[row], self.kept_command[row]
 
 
 def expert_states(
-    expert: ExpertFrames, drawn: np.ndarray, own: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str
+    expert: ExpertFrames, drawn: np.ndarray, kept: np.ndarray, controlled: np.ndarray, default: np.ndarray, device: str
 ) -> StartStates:
-    """Start states of expert frames.
+    """Build start states from expert frames.
 
     Args:
         expert: T frames
-        drawn: frames that episodes begin at (m,)
-        own: command that an episode there keeps, else NaN (m, 3) [m/s, m/s, rad/s]
+        drawn: sampled frame indices (m,)
+        kept: command to keep after starting there, else NaN (m, 3) [m/s, m/s, rad/s]
         controlled: indices of the frames' joints in the robot's order (a,)
         default: default joint positions (j,) [rad], for the other joints
-        device: where the tensors go
+        device: device of the tensors
     """
     frames, count = torch.from_numpy(expert.frames).to(device), len(controlled)
     after = 7 + count + 12
@@ -76,34 +76,34 @@ def expert_states(
         joint_vel=joint_vel,
         command=torch.from_numpy(expert.command).to(device),
         drawn=torch.from_numpy(drawn).to(device),
-        own=torch.from_numpy(own).to(device),
+        kept_command=torch.from_numpy(kept).to(device),
     )
 
 
 def write_starts(env, mask: torch.Tensor) -> None:
-    """Write root and joint states of environments (n,) that begin an episode, and `env.own_command` of some.
+    """Write start states, `env.start_command` and `env.start_velocity` of environments in `mask` (n,).
 
-    States are drawn for all environments and chosen by the mask.
+    States are drawn for all environments and selected by the mask.
     """
     starts: StartStates = env.context.starts
     count, device = env.num_envs, env.device
-    at, own = starts.draw(count)
-    home = (torch.rand(count, device=device) >= env.context.config.simulation.reference_share)[:, None]
+    index, kept = starts.draw(count)
+    at_default = (torch.rand(count, device=device) >= env.context.config.simulation.reference_share)[:, None]
     if env.teacher is not None:
-        home = torch.zeros_like(home)
-    pos, quat = starts.root_pos[at], starts.root_quat[at]
-    joints, joint_vel = starts.joint_pos[at], starts.joint_vel[at]
+        at_default = torch.zeros_like(at_default)
+    pos, quat = starts.root_pos[index], starts.root_quat[index]
+    joints, joint_vel = starts.joint_pos[index], starts.joint_vel[index]
     lin_vel_w, ang_vel_w = (
-        torch.where(home, SPEED_NOISE * (2.0 * torch.rand_like(value) - 1.0), value)
-        for value in (starts.lin_vel_w[at], starts.ang_vel_w[at])
+        torch.where(at_default, SPEED_NOISE * (2.0 * torch.rand_like(value) - 1.0), value)
+        for value in (starts.lin_vel_w[index], starts.ang_vel_w[index])
     )
-    pos[:, 2:] = torch.where(home, env.context.bundle.robot.default_root_height, pos[:, 2:]) + LIFT_M
-    quat = torch.where(home, (torch.arange(4, device=device) == 0).float(), quat)
-    joints = torch.where(home, env.default_joint_pos, joints)
-    joint_vel = torch.where(home, 0.0, joint_vel)
+    pos[:, 2:] = torch.where(at_default, env.context.bundle.robot.default_root_height, pos[:, 2:]) + LIFT_M
+    quat = torch.where(at_default, (torch.arange(4, device=device) == 0).float(), quat)
+    joints = torch.where(at_default, env.default_joint_pos, joints)
+    joint_vel = torch.where(at_default, 0.0, joint_vel)
     angle = 2.0 * math.pi * torch.rand(count, device=device)
-    turn = quat_from_euler_xyz(torch.zeros_like(angle), torch.zeros_like(angle), angle)
-    quat, lin_vel_w, ang_vel_w = quat_mul(turn, quat), quat_apply(turn, lin_vel_w), quat_apply(turn, ang_vel_w)
+    yaw = quat_from_euler_xyz(torch.zeros_like(angle), torch.zeros_like(angle), angle)
+    quat, lin_vel_w, ang_vel_w = quat_mul(yaw, quat), quat_apply(yaw, lin_vel_w), quat_apply(yaw, ang_vel_w)
     joints = torch.clamp(joints + JOINT_NOISE * (2.0 * torch.rand_like(joints) - 1.0), *env.joint_limits)
     pos[:, :2] = 0.0
     pos[:, 2] += env.ground_m
@@ -111,7 +111,7 @@ def write_starts(env, mask: torch.Tensor) -> None:
     replace(data.qpos[:], mask, torch.cat([pos + env.scene.env_origins, quat, joints], dim=1))
     replace(data.qvel[:], mask, torch.cat([lin_vel_w, quat_apply_inverse(quat, ang_vel_w), joint_vel], dim=1))
     env.robot_state.restart(mask)
-    replace(env.own_command, mask, torch.where(home, torch.nan, own))
-    replace(env.start_velocity, mask, torch.where(home, 0.0, starts.command[at]))
+    replace(env.start_command, mask, torch.where(at_default, torch.nan, kept))
+    replace(env.start_velocity, mask, torch.where(at_default, 0.0, starts.command[index]))
     if env.teacher is not None:
-        env.teacher.begin(env, mask, at, angle)
+        env.teacher.begin(env, mask, index, angle)

@@ -1,4 +1,4 @@
-"""When an episode ends before its time. Falls are mjlab's terms; only ignoring the command is ours."""
+"""Terminations: mjlab's terms for falls, and a term for ignored commands."""
 
 import math
 
@@ -11,19 +11,19 @@ from pipeline.training.config import Config
 from pipeline.training.masks import replace
 
 MAX_TILT_DEG = 60.0
-"""A fall (paper), beside a root below the robot's `fall_height`."""
+"""Tilt of a fall (paper); a root below the robot's `fall_height` is a fall too [deg]."""
 STALL_SPEED, STALL_YAW = 0.2, 0.3
 """Speed [m/s] and yaw rate [rad/s] above which a command can count as ignored."""
 STALL_SHARE = 0.3
-"""A half of the command, moving or turning, counts as ignored where the robot reaches less than this share of it."""
+"""The linear or the angular command counts as ignored if the robot achieves less than this share of it."""
 
 
 def ignores_command(command: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor:
-    """Whether the robot ignores one half of its command (n,): moving or turning, each if commanded.
+    """Whether the robot ignores its linear or its angular command (n,).
 
     Args:
         command: forward, lateral [m/s], yaw rate [rad/s] (n, 3)
-        velocity: the same of the robot (n, 3)
+        velocity: achieved velocity on the same axes (n, 3)
     """
     speed = torch.linalg.norm(command[:, :2], dim=1)
     along = (velocity[:, :2] * command[:, :2]).sum(dim=1) / speed.clamp(min=1e-6)
@@ -34,7 +34,7 @@ def ignores_command(command: torch.Tensor, velocity: torch.Tensor) -> torch.Tens
 
 
 class Stalled:
-    """Ends an episode in which the command has been ignored for `stall_s`, by the averaged velocity."""
+    """Terminate an episode after the averaged velocity has ignored the command for `stall_s`."""
 
     def __init__(self, cfg: TerminationTermCfg, env):
         self._stall_s = env.context.config.simulation.stall_s
@@ -42,18 +42,18 @@ class Stalled:
         env.restarts.append(self.restart)
 
     def __call__(self, env) -> torch.Tensor:
-        stalls = ignores_command(env.command, env.robot_state.mean_velocity)
-        stalls &= env.velocity_command.age > self._stall_s
-        self._seconds.copy_(torch.where(stalls, self._seconds + env.step_dt, 0.0))
+        ignored = ignores_command(env.command, env.robot_state.mean_velocity)
+        ignored &= env.velocity_command.age > self._stall_s
+        self._seconds.copy_(torch.where(ignored, self._seconds + env.step_dt, 0.0))
         return self._seconds > self._stall_s
 
     def restart(self, mask: torch.Tensor) -> None:
-        """Reset the time of environments (n,) that begin an episode."""
+        """Reset the timers of environments in `mask` (n,)."""
         replace(self._seconds, mask, 0.0)
 
 
 def termination_cfg(robot: RobotFacts, config: Config, distils: bool) -> dict[str, TerminationTermCfg]:
-    """Falls, stalls where they are on, and the end of the time; in distillation also the clip's end and losing it."""
+    """Falls, stalls (if enabled) and the time limit; in distillation, tracking failures and clip ends."""
     terms = {
         "tilt": TerminationTermCfg(func=mdp.bad_orientation, params={"limit_angle": math.radians(MAX_TILT_DEG)}),
         "height": TerminationTermCfg(func=mdp.root_height_below_minimum, params={"minimum_height": robot.fall_height}),
@@ -61,24 +61,24 @@ def termination_cfg(robot: RobotFacts, config: Config, distils: bool) -> dict[st
         "time": TerminationTermCfg(func=mdp.time_out, time_out=True),
     }
     if distils:
-        terms["clip_lost"] = TerminationTermCfg(func=lambda env: env.teacher.lost)
-        terms["clip_ended"] = TerminationTermCfg(func=lambda env: env.teacher.ended, time_out=True)
+        terms["tracking_failed"] = TerminationTermCfg(func=lambda env: env.teacher.tracking_failed)
+        terms["clip_ended"] = TerminationTermCfg(func=lambda env: env.teacher.clip_ended, time_out=True)
     elif config.simulation.stall_s:
         terms["stalled"] = TerminationTermCfg(func=Stalled)
     return terms
 
 
 FALLS = ("tilt", "height", "diverged")
-"""Terms that are falls."""
+"""Names of the fall terms."""
 
 
 def fell(env) -> torch.Tensor:
-    """Whether the episode ends by a fall (n,)."""
+    """Whether the episode terminates by a fall (n,)."""
     return torch.stack([env.termination_manager.get_term(name) for name in FALLS]).any(dim=0)
 
 
 def ended_by(env, name: str) -> torch.Tensor:
-    """Whether the episode ends by a term (n,); False where the term is off."""
+    """Whether the episode ends by the term `name` (n,); False if the term is disabled."""
     if name not in env.termination_manager.active_terms:
         return torch.zeros_like(env.reset_buf)
     return env.termination_manager.get_term(name)
