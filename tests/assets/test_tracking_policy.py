@@ -108,7 +108,7 @@ def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Pro
     assert other.folder != run.folder, "other references begin another run"
     for device in ("auto", "cuda"):
         asked = tracking_policy.TrackerConfig(train=tracker_choice.ALWAYS, device=device, gpus=4)
-        with pytest.raises(TrainingFailedError, match="4 GPUs are asked for, 2 are here"):
+        with pytest.raises(TrainingFailedError, match="4 GPUs are requested, 2 are available"):
             tracking_policy._run_of(asked, project.root, project.root / "bundle", "content")
 
 
