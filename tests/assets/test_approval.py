@@ -102,7 +102,7 @@ def test_nothing_is_written_that_could_not_be_read_again(project, monkeypatch):
     approve_proposal(project.feedback, digest, "a person")
     before = project.feedback.approved.read_text()
     monkeypatch.setattr("pipeline.feedback.approve.merged", lambda earlier, new, whole: (*earlier, *new))
-    with pytest.raises(PipelineError, match="is there twice"):
+    with pytest.raises(PipelineError, match="occurs twice"):
         approve_proposal(project.feedback, digest, "another")
     assert project.feedback.approved.read_text() == before
 
