@@ -85,7 +85,7 @@ def test_a_run_of_another_recipe_and_a_seed_that_comes_twice_are_refused(tmp_pat
     assert exported(tmp_path, runs, "--beside", runs[1], runs[1])[0] == 2
     assert "seed 2 is given twice" in capsys.readouterr().err
     assert exported(tmp_path, runs, "--beside", runs[0])[0] == 2
-    assert "seed 1 is already there" in capsys.readouterr().err
+    assert "seed 1 is given twice" in capsys.readouterr().err
     assert not (tmp_path / "out" / "card.json").exists()
 
 

@@ -216,5 +216,5 @@ def test_what_is_no_network_is_refused_by_name(tmp_path, read):
     with pytest.raises(FileError, match=r"there is no such file"):
         read(tmp_path / "missing")
     (tmp_path / "noise").write_bytes(np.random.default_rng(0).bytes(500))
-    with pytest.raises(FileError, match=r"noise: is not a"):
+    with pytest.raises(FileError, match=r"noise: is (no|not a)"):
         read(tmp_path / "noise")
