@@ -1,4 +1,4 @@
-"""Real to sim of one robot: measurements from outside, each motor's calibration, the robot adapted to them."""
+"""Motor identification of one robot: bench measurements, the calibration of each motor, the adapted robot model."""
 
 import dataclasses
 from typing import Any
@@ -14,7 +14,7 @@ from pipeline.actuators.folder import calibrate_folder, read_published
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.batch import Manifest
-from pipeline.feedback.cell_weights import check_limits, lowered
+from pipeline.feedback.cell_weights import check_limits, with_lowered_limits
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
 from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
@@ -30,22 +30,26 @@ MAX_TILT_DEG = 1.0
 
 
 def measurements_version(project: Project, robot: str) -> tuple[str, dict[str, Any]]:
-    """Digest of a robot's measurement files, and their number; those of no files where it has no folder."""
+    """Digest and number of the robot's measurement files. Without a folder: the digest of no files, and 0."""
     files = sorted(project.actuators(robot).glob("*.csv"))
     return digest.of_files(files, project.actuators(robot)), {"files": len(files)}
 
 
 def actuator_measurements(robot: str) -> dg.AssetSpec:
     """The folder `data/actuators/<robot>`, versioned by content."""
-    what = f"Torque-speed sweeps and the motor table of data/actuators/{robot}, by content."
+    what = f"Torque-speed sweeps and the motor table in data/actuators/{robot}, versioned by content."
     return external(MEASUREMENTS, robot, what)
 
 
 @robot_asset(
-    "scipy", deps=[MEASUREMENTS], checks={CALIBRATED: "Each motor of the table has a knee that was not refused."}
+    "scipy", deps=[MEASUREMENTS], checks={CALIBRATED: "The calibration of each motor in the motor table is accepted."}
 )
 def actuator_calibration(context: dg.AssetExecutionContext, plan: Plan):
-    """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
+    """Calibration of each motor, or why it is refused.
+
+    Knee of the torque-speed curve with a 95 % confidence interval, no-load speed [rad/s], stall torque [N m], armature
+    [kg m^2].
+    """
     values = PROJECT.read("actuators.yaml", ActuatorSettings)
     folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
     found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
@@ -68,7 +72,7 @@ def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
         "motors": len(found.motors),
         "motors refused": sum(not each.accepted for each in found.calibrations),
         "synthetic": any(each.synthetic for each in found.calibrations),
-        "files of no motor": ", ".join(found.unused) or "none",
+        "files that belong to no motor": ", ".join(found.unused) or "none",
     }
     if found.calibrations:
         metadata["calibration"] = table_of([_row(each, published.get(each.motor)) for each in found.calibrations])
@@ -89,8 +93,8 @@ def _row(each: Any, published: Any) -> dict[str, Any]:
             "outliers": knee.outliers,
         }
         if published is not None:
-            row["published peak at that speed [N m]"] = round(published.torque(knee.speed.value), 2)
-            row["beyond the published peak"] = knee.torque.low > published.torque(knee.speed.value)
+            row["published peak torque at the knee speed [N m]"] = round(published.torque(knee.speed.value), 2)
+            row["exceeds the published peak"] = knee.torque.low > published.torque(knee.speed.value)
     return row | {"armature [kg m^2]": each.armature, "notes": "; ".join(each.notes)}
 
 
@@ -101,11 +105,11 @@ def _with_interval(interval: Any) -> str:
 @robot_asset(
     "mujoco",
     deps=["approved_limits"],
-    checks={STANDS: f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree."},
+    checks={STANDS: f"Under PD control it stands for 10 s and tilts less than {MAX_TILT_DEG:g}°."},
     blocking={AGREE: MODELS_AGREE},
 )
 def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest, plan: Plan):
-    """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
+    """Robot model with calibrated motors: MJCF, URDF, actuator table, and the changes from the nominal model."""
     name = plan.robot or DEFAULT_ROBOT
     nominal, folder = PROJECT.robot(name), PROJECT.adapted_robot(name)
     values = PROJECT.read("actuators.yaml", ActuatorSettings)
@@ -115,7 +119,7 @@ def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest, plan: P
     if feedback:
         rules = PROJECT.read("feedback_rules.yaml", FeedbackRules)
         check_limits(calibrated, feedback, rules.motors.lowest)
-    actuators = lowered(calibrated, feedback)
+    actuators = with_lowered_limits(calibrated, feedback)
     robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
     files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
     facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
@@ -131,10 +135,10 @@ def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest, plan: P
 
 
 def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], dg.AssetCheckResult]:
-    """The robot held in its standing pose, with its armatures and without."""
+    """Simulate standing under PD control with each set of armatures: the metadata, and the check's result."""
     pose = read_standing_pose(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT), robot)
     if pose is None:
-        check = check_result(plan, STANDS, True, "no standing pose to try", warn=False)
+        check = check_result(plan, STANDS, True, "not tried: the robot's folder has no standing.csv", warn=False)
         return {"standing": "not tried: the robot's folder has no standing.csv"}, check
     armatures = {
         "adapted": robot.armature,
@@ -144,7 +148,7 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
     stood = {name: stand(robot, pose, torque_envelope(actuators), each) for name, each in armatures.items()}
     rows = [{"model": name, **dataclasses.asdict(each)} for name, each in stood.items()]
     ours = stood["adapted"]
-    found = f"{'fell after' if ours.fell else 'stood'} {ours.seconds:.1f} s, tilt {ours.tilt_deg:.2f}"
+    found = f"{'fell after' if ours.fell else 'stood'} {ours.seconds:.1f} s, tilt {ours.tilt_deg:.2f}°"
     check = check_result(plan, STANDS, not ours.fell and ours.tilt_deg < MAX_TILT_DEG, found)
     return {"standing": table_of(rows)}, check
 

@@ -1,4 +1,4 @@
-"""`amp_policy`: a policy trained on the expert database in a process of its own, its checkpoint chosen by a sweep."""
+"""`amp_policy`: a policy trained on the expert database in a separate process; a sweep selects its checkpoint."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -10,14 +10,14 @@ import dagster as dg
 from assets.approved import approved_part
 from assets.plan import Plan, robot_plans
 from assets.report import result_of, robot_asset
-from assets.resources import store_left_to_others
+from assets.resources import store_released
 from assets.tracker_choice import tracker_file
 from assets.training_process import (
     Run,
     TrainingConfig,
     TrainingFailedError,
-    asked_for,
     curves_of,
+    is_requested,
     run_of,
     train,
     validation_of,
@@ -31,18 +31,18 @@ from pipeline.project import DEFAULT_ROBOT, PROJECT, Project
 from pipeline.training.config import preset
 
 TRACKED = ("reference_motions", "augmented_motions", "tracking_policy")
-"""Assets that distillation is made of: references, the tracker's rollouts of them, and the tracker."""
+"""Inputs of distillation: the references, the tracker's rollouts of them, and the tracker."""
 
 
 @robot_asset("pytorch", deps=["expert_db", "adapted_robot", "approved_randomization", *TRACKED], output_required=False)
 def amp_policy(context: dg.AssetExecutionContext, config: TrainingConfig, plan: Plan) -> Iterator[dg.MaterializeResult]:
-    """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
-    if asked_for(context, plan):
+    """Walking policy trained by AMP on the expert database. Without a GPU, a trial of a few iterations runs instead."""
+    if is_requested(context, plan):
         yield _trained(plan, config, context.log)
 
 
 def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResult:
-    """Run the chain, and state what came of it."""
+    """Train, then collect the curves, the validation and the facts of the run."""
     robot = plan.robot or DEFAULT_ROBOT
     bundle, about = bundle_of(PROJECT, robot)
     wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
@@ -54,13 +54,14 @@ def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResu
 
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}
-"""Approved range -> option of training."""
+"""Range of an approved change -> training option."""
 
 
 def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
-    """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one.
+    """Widen ranges of a preset by approved changes, as options `name=low,high`.
 
-    The largest kick grows by the same share as the approved one, since presets have different ones.
+    Each change moves one end of a range outwards; none narrows a range. The maximum push speed is scaled by the ratio
+    of the approved change, because presets have different maxima.
     """
     values = preset(preset_name).values()
     ends: dict[str, tuple[float, float]] = {}
@@ -73,15 +74,17 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
 
 
 def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
-    """Write the files that training takes, from database, adapted robot and tracker; the folder, and what they are."""
+    """Write the training bundle from database, adapted robot and tracker. Returns its folder and its facts."""
     folder = project.policies(robot) / "bundle"
     tracker = tracker_files(project, robot)
     return folder, write_training_bundle(folder, project.expert_db(robot), project.adapted_robot(robot), tracker)
 
 
 def tracker_files(project: Project, robot: str) -> Any:
-    """The tracker and each reference that its undisturbed rollout follows to the end, with that rollout; None where
-    nothing was rolled out."""
+    """Tracker network and the pairs of reference and undisturbed rollout that reach the last frame.
+
+    None if an asset of `TRACKED` has no stored result, or there is no tracker.
+    """
     plans = robot_plans(robot)
     names = [plans[name].key.to_user_string() for name in TRACKED]
     if not all(project.store.manifest_path(name).is_file() for name in names):
@@ -102,9 +105,9 @@ def tracker_files(project: Project, robot: str) -> Any:
 
 
 def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> None:
-    """Train while other runs work on the store. Raises TrainingFailedError where they changed what it is trained on."""
+    """Train without holding the lock on the store. Raises TrainingFailedError if the inputs changed meanwhile."""
     before = _trained_on(run, project, robot)
-    with store_left_to_others(log):
+    with store_released(log):
         train(run, project.root, project.training_lock, log)
     if _trained_on(run, project, robot) != before:
         raise TrainingFailedError(
@@ -114,7 +117,7 @@ def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> Non
 
 
 def _trained_on(run: Run, project: Project, robot: str) -> str:
-    """Digest of what is there of database, bundle and robot; the first two state the digests of their files."""
+    """Digest of adapted robot, database and bundle; for the last two, of the manifests, which hold file digests."""
     adapted, database = project.adapted_robot(robot), current(project.expert_db(robot))
     files = [path for path in adapted.rglob("*") if path.is_file()]
     heads = (database / manifest.FILE, run.bundle / "bundle.json")
@@ -123,7 +126,7 @@ def _trained_on(run: Run, project: Project, robot: str) -> str:
 
 
 def run_facts(run: Run, robot: str) -> dict[str, Any]:
-    """What is noted of a run that is done."""
+    """Facts of a finished run, for the manifest."""
     config = json.loads((run.folder / "config.json").read_text())
     return {
         "robot": robot,
@@ -139,7 +142,7 @@ def run_facts(run: Run, robot: str) -> dict[str, Any]:
 def _metadata(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
     return {
         "run": facts["run"],
-        "what it is": "a trial: a few iterations without a GPU, no policy" if run.trial else "a full training",
+        "type of run": "a trial: a few iterations without a GPU, no policy" if run.trial else "a full training",
         **({"checkpoint": "the newest, not validated: a trial"} if run.trial else {}),
         "iterations": facts["done"].get("iterations", 0),
         "seconds": float(facts["done"].get("seconds", 0.0)),

@@ -1,8 +1,8 @@
-"""The jobs by which a person lets proposed changes take effect, or takes them back, and the token that they require.
+"""Jobs that approve proposed changes or revoke approved ones, and the token that these jobs require.
 
-Dagster's webserver takes a launch from any page that a browser on this machine has open. So a job that lets something
-take effect asks for what is in `data/feedback/approval_token`, which only a person with access to the project's files
-can read. A token counts once: Dagster keeps what a run was launched with, where its webserver shows it.
+Dagster's webserver accepts a launch from any page open in a browser on this machine. Therefore these jobs require the
+content of `data/feedback/approval_token`, which only a person with access to the project's files can read. A token is
+valid once, because Dagster stores and displays the config of each run.
 """
 
 import hmac
@@ -21,17 +21,17 @@ OWNER_ALONE = 0o600
 
 
 class TokenError(PipelineError):
-    """A launch without the token of this project."""
+    """The launch config does not have the current token of this project."""
 
 
 def ensure_token(project: Project) -> None:
-    """Write a token where there is none."""
+    """Write a token if there is none."""
     if not project.approval_token.is_file():
         _renew(project)
 
 
 def use_token(project: Project, token: str) -> None:
-    """Take the project's token, which a new one replaces. Raises TokenError where it is another one, or none yet."""
+    """Check a token and replace the project's token by a new one. Raises TokenError if they differ or none exists."""
     path = project.approval_token
     try:
         expected = path.read_text().strip()
@@ -40,46 +40,46 @@ def use_token(project: Project, token: str) -> None:
     if not expected or not hmac.compare_digest(expected.encode(), token.strip().encode()):
         ensure_token(project)
         raise TokenError(
-            f"the token is not the one in {path.relative_to(project.root)}; nothing was changed. State the content of "
-            "that file as 'token': it shows that you may write in this project. Each one counts once."
+            f"the token is not the one in {path.relative_to(project.root)}; nothing was changed. Set 'token' to the "
+            "content of that file, which shows that you have access to this project. Each token is valid once."
         )
     _renew(project)
 
 
 def _renew(project: Project) -> None:
-    """A new token, which only the file's owner may read."""
+    """Write a new token to a file that only its owner can read."""
     atomic.write_bytes(project.approval_token, f"{secrets.token_hex(16)}\n".encode(), mode=OWNER_ALONE)
 
 
 class Approval(dg.Config):
-    """Who approves which proposal."""
+    """The proposal to approve, and the name of the person who approves it."""
 
     proposal: str
-    """Digest of the proposal, from the page of curation_feedback: what was reviewed is what is approved."""
+    """Digest of the reviewed proposal, from the page of curation_feedback. Another proposal is not approved."""
     by: str
-    """Who approves it."""
+    """Name of the person who approves it."""
     token: str
-    """Content of data/feedback/approval_token, which counts once."""
+    """Content of data/feedback/approval_token. A token is valid once."""
     policies: list[str] = []  # noqa: RUF012, pydantic copies it
-    """Digests of policies: only changes that rest on logs of these alone are approved. Empty: all."""
+    """Digests of policies: approve only changes whose evidence is from logs of these policies. Empty: all changes."""
     sections: list[str] = []  # noqa: RUF012
-    """Parts of the proposal that are approved, as `weights`. Empty: all."""
+    """Sections of the proposal to approve, for example `weights`. Empty: all sections."""
 
 
 class TakeBackConfig(dg.Config):
-    """Who takes which approved sections back."""
+    """The approved sections to revoke, and the name of the person who revokes them."""
 
     sections: list[str]
-    """Parts that are taken back, as `weights`."""
+    """Sections to revoke, for example `weights`."""
     by: str
-    """Who takes them back."""
+    """Name of the person who revokes them."""
     token: str
-    """Content of data/feedback/approval_token, which counts once."""
+    """Content of data/feedback/approval_token. A token is valid once."""
 
 
-@dg.op(out={}, description="Add the proposal of that digest, or a part of it, to data/feedback/approved.yaml.")
+@dg.op(out={}, description="Write the changes of the proposal with this digest to data/feedback/approved.yaml.")
 def approve(context: dg.OpExecutionContext, config: Approval):
-    """Let the changes of a proposal take effect."""
+    """Approve the changes of a proposal, so that they take effect."""
     with as_failure():
         use_token(PROJECT, config.token)
         policies, sections = tuple(config.policies), tuple(config.sections)
@@ -88,20 +88,20 @@ def approve(context: dg.OpExecutionContext, config: Approval):
         note_external(context.instance, PROJECT)
 
 
-@dg.op(out={}, description="Take sections out of data/feedback/approved.yaml.")
+@dg.op(out={}, description="Remove sections from data/feedback/approved.yaml.")
 def take_back(context: dg.OpExecutionContext, config: TakeBackConfig):
-    """Let approved changes take no effect any longer."""
+    """Revoke approved changes, so that they no longer take effect."""
     with as_failure():
         use_token(PROJECT, config.token)
         count = take_back_sections(PROJECT.feedback, tuple(config.sections), config.by)
-        context.log.info(f"{', '.join(config.sections)}: {count} changes taken back by {config.by}")
+        context.log.info(f"{', '.join(config.sections)}: {count} changes revoked by {config.by}")
         note_external(context.instance, PROJECT)
 
 
 @dg.job(
     name="approve_feedback",
-    description="Approve the pending proposal of curation_feedback by its digest, or sections of it; other sections "
-    "keep what was approved before. The databases are re-curated then.",
+    description="Approve the proposal of curation_feedback with the given digest, or some of its sections; other "
+    "sections keep their approved changes. A sensor then re-curates the databases.",
 )
 def approve_feedback() -> None:
     approve()
@@ -109,7 +109,7 @@ def approve_feedback() -> None:
 
 @dg.job(
     name="take_back_feedback",
-    description="Take approved sections back; the databases are re-curated without them.",
+    description="Revoke approved sections. A sensor then re-curates the databases without them.",
 )
 def take_back_feedback() -> None:
     take_back()

@@ -1,9 +1,9 @@
-"""What was approved of the feedback from hardware, from outside the graph: an external asset per part, used by a stage.
+"""Approved feedback from hardware: one external asset per section of `data/feedback/approved.yaml`.
 
-A person stands between `curation_feedback`, which proposes, and these. So the graph has no cycle, nothing takes effect
-unseen, and a change of weights makes nothing stale but KP5 and the database. Without `data/feedback/approved.yaml` all
-parts are empty, and nothing of the hardware's is read. A part of that file that can't be used has a version of its
-own, so that the asset that uses it is stale and fails with that reason; nothing else does.
+`curation_feedback` proposes changes and a person approves them, so the graph has no cycle and no change takes effect
+without review. Each section is an input of one stage: approved weights make only KP5 and the database stale. Without
+the file, all sections are empty and no hardware data has an effect. An invalid section has a version of its own, so
+that the asset that uses it becomes stale and fails with the reason; other assets are not affected.
 """
 
 from collections.abc import Sequence
@@ -28,40 +28,40 @@ PARTS: dict[str, str] = {
     "motors": "approved_limits",
     "randomization": "approved_randomization",
 }
-"""Section of the approved changes -> name of its asset."""
+"""Section of the approved changes -> name of its external asset."""
 
 SHARED_PARTS = ("selection",)
 """Sections that all robots share."""
 
 BROKEN = "broken-"
-"""What the version of a part that can't be used begins with."""
+"""Prefix of the version of an invalid section."""
 
 PAGE_TAG = "booster_lab/approved_on_page"
-"""Tag of a materialization of curation_feedback, and of a run that renews its page: what is approved, as it shows."""
+"""Tag of a materialization of curation_feedback and of a run that renews its page: digest of the shown answers."""
 
-APPROVED = "What was approved of curation_feedback (data/feedback/approved.yaml)"
-SAYS = {
-    "selection": "most seconds of skills, for KP1",
-    "augmentation": "perturbations of the clips of skills, for KP4",
-    "weights": "factors on command cells, for KP5",
-    "motors": "torque limits that the robot showed, for its model",
-    "randomization": "ranges that training draws from",
+APPROVED = "Approved changes of curation_feedback (data/feedback/approved.yaml)"
+CONTENTS = {
+    "selection": "limits on the seconds per skill, for KP1",
+    "augmentation": "additional perturbed variants of the clips of a skill, for KP4",
+    "weights": "factors on the weights of command cells, for KP5",
+    "motors": "joint torque limits observed on the robot, for its adapted model",
+    "randomization": "domain randomization ranges, for training",
 }
 
 
 def approved_key(section: str, robot: str | None) -> dg.AssetKey:
-    """Key of the asset that a part is."""
+    """Key of the external asset of a section."""
     return key_of(PARTS[section], robot)
 
 
 def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
-    """The external assets of a robot; None for those that all share."""
+    """The external assets of a robot; with None, those that all robots share."""
     sections = [name for name in PARTS if (name in SHARED_PARTS) == (robot is None)]
-    return [external(PARTS[section], robot, f"{APPROVED}: {SAYS[section]}.", [PROPOSAL]) for section in sections]
+    return [external(PARTS[section], robot, f"{APPROVED}: {CONTENTS[section]}.", [PROPOSAL]) for section in sections]
 
 
 def approved_part(project: Project, section: str, robot: str | None) -> tuple[Change, ...]:
-    """The approved changes of a section for a robot. Raises PipelineError where they can't be used."""
+    """The approved changes of a section for a robot. Raises PipelineError if the section is invalid."""
     approvals = project.feedback.approvals()
     if section in approvals.faults:
         raise approvals.faults[section]
@@ -69,12 +69,12 @@ def approved_part(project: Project, section: str, robot: str | None) -> tuple[Ch
 
 
 def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:
-    """Approved changes for the page of an asset; empty without any."""
+    """Metadata row with the approved changes; empty if there are none."""
     return {"feedback": dg.MetadataValue.md(markdown_list(change.text() for change in part))} if part else {}
 
 
 def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str, Any]]]:
-    """Version of each part, and what is noted of it in the history."""
+    """Version of each section's asset, and the metadata that Dagster's history records with it."""
     approvals = project.feedback.approvals()
     found = {}
     for section in PARTS:
@@ -87,7 +87,7 @@ def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str
 
 
 def shown_state(approvals: Approvals, declined: Sequence[Change]) -> str:
-    """Digest of what the page of curation_feedback shows of a person's answers."""
+    """Digest of the answers (approved, declined, faults) that the page of curation_feedback shows."""
     faults = {section: str(fault) for section, fault in approvals.faults.items()}
     return digest.of_json([settings.plain(approvals.changes), settings.plain(declined), faults])[:16]
 

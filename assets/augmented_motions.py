@@ -1,4 +1,4 @@
-"""KP4's rollouts: what the robot does when it tracks each reference in simulation."""
+"""KP4: rollouts of the tracking policy in simulation, for each reference."""
 
 import dataclasses
 import math
@@ -32,7 +32,7 @@ BEFORE_AND_AFTER = (
     *("slip_before_m_s", "slip_after_m_s", "penetration_before_m", "penetration_after_m"),
     *("jerk_before_rad_s3", "jerk_after_rad_s3", "saturated_after", "contact_changed", "touchdown_shift_s"),
 )
-"""Columns of the table of what simulation changed (pipeline/tracking/before_after.py)."""
+"""Columns of the table that compares references with rollouts (pipeline/tracking/before_after.py)."""
 
 
 @robot_asset("mujoco", "4", specs=check_specs)
@@ -44,7 +44,7 @@ def augmented_motions(
     adapted_robot: Manifest,
     plan: Plan,
 ):
-    """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
+    """KP4: rollouts of the tracking policy in MuJoCo, for each reference: one undisturbed and several disturbed."""
     from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
 
     folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
@@ -58,10 +58,10 @@ def augmented_motions(
         return materialized(plan, empty, {"references tracked": f"0: {why}"})
     tracker, content = found
     setup = Setup(settings=values, robot=robot, envelope=envelope, tracker=tracker)
-    load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
+    load_tracker(tracker, robot)  # raises once if it does not fit the robot, instead of rejecting each reference
 
     def run(function: Callable[..., Outcome], name: str = "", entries: Sequence[Entry] = ()) -> Manifest:
-        """The stage `function` on references; what it was asked before is in the store."""
+        """Run `function` on the references; known results come from the store."""
         stage = stage_of(plan, partial(function, setup=setup), values, name=name, robot_files=robot.digest)
         stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
         return run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
@@ -74,35 +74,37 @@ def augmented_motions(
         metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
         metadata["before and after simulation"] = picture(before_and_after(tracked))
         to_failure = partial(run, motion_to_failure, "motion to failure")
-        metadata["worst tracked, when they fail"] = picture(
+        metadata["worst tracked references, at their failure"] = picture(
             worst_tracked(manifest, reference_motions, to_failure, PROJECT.store, robot)
         )
     return materialized(plan, manifest, metadata)
 
 
 def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]:
-    """Figures of the nominal rollouts, of which `worst` has a row each, and the share of disturbed ones that reached
-    their end."""
+    """Tracking errors of the undisturbed rollouts, and the number of disturbed ones that reach the last frame.
+
+    `worst` has one row per undisturbed rollout, the worst first.
+    """
     if worst.empty:
         return {"references tracked": 0}
     rows, speeds = worst.to_dict("records"), by_skill(worst)
     disturbed = [entry.numbers for entry in manifest.entries if entry.numbers["rollout"] > 0]
-    asked = sum(int(row["rollouts"]) - 1 for row in rows)
+    attempted = sum(int(row["rollouts"]) - 1 for row in rows)
     complete = sum(bool(numbers["survived"]) for numbers in disturbed)
     columns = ["clip", "survived", "followed_s", "body_error_m", "worst_body_error_m", "joint_error_rad"]
     return {
-        "references tracked": f"{sum(bool(row['survived']) for row in rows)} of {len(rows)} to the last frame",
+        "references tracked": f"{sum(bool(row['survived']) for row in rows)} of {len(rows)} reach the last frame",
         "mean body error [cm]": 100.0 * fmean(row["body_error_m"] for row in rows),
         "mean joint error [deg]": math.degrees(fmean(row["joint_error_rad"] for row in rows)),
-        "disturbed rollouts": f"{complete} of {asked} to the last frame",
-        "references, the worst first": table_of(worst, columns),
+        "disturbed rollouts": f"{complete} of {attempted} reach the last frame",
+        "references, worst first": table_of(worst, columns),
         "speed of references and rollouts": table_of(speeds),
-        "before and after, each reference": table_of(worst, ["clip", *BEFORE_AND_AFTER]),
+        "before and after simulation, per reference": table_of(worst, ["clip", *BEFORE_AND_AFTER]),
     }
 
 
 def tracked_references(manifest: Manifest, references: Manifest) -> pd.DataFrame:
-    """One row a reference that was rolled out, with its skill, the worst followed first."""
+    """One row per reference that was rolled out, with its skill, the worst tracked first."""
     skills = {entry.clip: str(entry.numbers.get("skill", "")) for entry in references.entries}
     rows = [
         {"clip": row.clip, **row.numbers, "skill": skills.get(row.clip, "")}

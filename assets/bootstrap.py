@@ -1,7 +1,7 @@
-"""Bring the inputs of a run up to date, in a run of their own, before the run's first step.
+"""Materialize stale upstream assets in a second run, before the first step of a run.
 
-So `dagster asset materialize --select expert_db` is enough on a fresh clone and after any change: the history shows a
-second run with what was missing or stale. Versions of what comes from outside the graph are recorded first.
+Thus `dagster asset materialize --select expert_db` is sufficient on a fresh clone and after any change. The second run
+appears in Dagster's history. The versions of the external assets are recorded first.
 """
 
 import logging
@@ -31,26 +31,26 @@ from pipeline.project import DEFAULT_ROBOT, Project
 
 
 def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
-    """Version of each external asset; one that changed since it was last noted is noted in the history.
+    """Version of each external asset; a changed version is recorded in Dagster's history.
 
-    Motions that can't be listed keep the version that was noted last: what needs them asks for them itself
-    (`assets.bootstrap`) and fails with the reason, what does not (logs, approvals) is not kept from its work.
+    If the motions can't be listed, their last recorded version stays. `bring_up_to_date` lists them again for a run
+    that needs them and fails with the reason; runs that do not need them (logs, approvals) continue.
     """
     found: dict[dg.AssetKey, tuple[str, dict[str, Any]]] = {HARDWARE_LOGS: logs_version(project)}
     found |= {key_of(MEASUREMENTS, robot): measurements_version(project, robot) for robot in project.robots}
     found |= approved_versions(project)
     tags = last_tags_of(instance, [RAW_MOTIONS, *found])
-    noted = {key: own[DATA_VERSION_TAG] for key, own in tags.items() if DATA_VERSION_TAG in own}
+    recorded = {key: own[DATA_VERSION_TAG] for key, own in tags.items() if DATA_VERSION_TAG in own}
     versions: dict[dg.AssetKey, str] = {}
     try:
         found[RAW_MOTIONS] = motions_version(project)
     except PipelineError:
-        versions |= {key: version for key, version in noted.items() if key == RAW_MOTIONS}
+        versions |= {key: version for key, version in recorded.items() if key == RAW_MOTIONS}
     else:
         note_sources(instance, [source.name for source in project.sources().all])
     for key, (version, facts) in found.items():
         versions[key] = version
-        if noted.get(key) != version:  # Dagster compares an external asset's versions with materializations
+        if recorded.get(key) != version:  # Dagster compares an external asset's versions with materializations
             event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
             instance.report_runless_asset_event(event)
     return versions
@@ -63,7 +63,7 @@ _GRAPH: list[dg.Definitions] = []
 
 
 def serve(graph: dg.Definitions) -> dg.Definitions:
-    """Remember the assembled graph, which `assets.definitions` hands over: nothing here imports what it is made of."""
+    """Register the assembled graph, called by `assets.definitions`: this module can't import it (import cycle)."""
     _GRAPH[:] = [graph]
     return graph
 
@@ -77,56 +77,57 @@ def _graph() -> dg.Definitions:
 def stale_now(
     instance: dg.DagsterInstance, project: Project, forced: Mapping[dg.AssetKey, str] | None = None
 ) -> dict[dg.AssetKey, str]:
-    """Every stale asset with the reason, upstream first; external files are read again.
+    """Every stale asset with the reason, upstream first. Reads the external files again.
 
-    `forced`: assets to treat as stale in any case, with the reason.
+    Args:
+        forced: assets to treat as stale in any case, with the reason
     """
     external = note_external(instance, project)
     return stale_reasons(instance, project, plans(project), _parents(), external, forced or {})
 
 
 def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger | None):
-    """Materialize what is stale upstream of the run's assets and not in the run itself.
+    """Materialize the stale assets upstream of a run that the run itself does not materialize, in a second run.
 
-    A policy that is trained on a GPU has its tracker trained first where it needs one.
-
-    The run stops when that one fails. Raises SourceLostError where motions are needed and a source of an earlier run is
-    gone.
+    Before a policy is trained on a GPU, its tracker is trained if the references require it. If the second run fails,
+    the first one stops. Raises SourceLostError if motions are needed and a source of an earlier run is gone.
     """
     selected = assets_of(run)
-    parents = made_for(_parents(), plans(project))
-    wanted = upstream(selected, parents) - selected
-    motions = find_motions(project) if SHARED[0].key in wanted | selected else None
+    parents = hard_inputs(_parents(), plans(project))
+    needed = upstream(selected, parents) - selected
+    motions = find_motions(project) if SHARED[0].key in needed | selected else None
     if motions and log:
         for sentence in motions.warnings():
             log.warning(sentence)
     every_stale = stale_now(instance, project)
     if motions and SHARED[0].key not in every_stale:
         remember_sources(project, motions)
-    trackers = trackers_for(selected, run.run_config, wanted & set(every_stale), project)
+    trackers = trackers_for(selected, run.run_config, needed & set(every_stale), project)
     if set(trackers) - set(every_stale):
         why = "the policy needs a tracker that was trained on these references"
         every_stale = stale_now(instance, project, dict.fromkeys(trackers, why))
-    stale = {key: why for key, why in every_stale.items() if key in wanted}
+    stale = {key: why for key, why in every_stale.items() if key in needed}
     if not stale:
         return
     if log:
         for key, why in stale.items():
             log.info(f"'{key.to_user_string()}' is brought up to date first: {why}")
     configs = {key: config for key, config in trackers.items() if key in stale}
-    _materialize(instance, run, list(stale), log, "what lies upstream could not be brought up to date", configs)
+    _materialize(instance, run, list(stale), log, "the upstream assets could not be brought up to date", configs)
 
 
-def work_again(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger) -> None:
-    """Materialize the databases and all between them and the motions in a run of their own, stale or not.
+def rerun_stages(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger) -> None:
+    """Materialize all stages from the motions to the databases in a second run, stale or not.
 
-    Of the robots the default one's and those that have a database. The run stops when that one fails.
+    Robots: the default one, and those that already have a database. If the second run fails, the first one stops.
     """
     databases = {robot: robot_plans(robot)["expert_db"].key for robot in project.robots}
-    there = {key for robot, key in databases.items() if robot == DEFAULT_ROBOT or last_tags(instance, key) is not None}
-    between = dg.AssetSelection.assets(SHARED[0].key).downstream() & dg.AssetSelection.assets(*there).upstream()
+    targets = {
+        key for robot, key in databases.items() if robot == DEFAULT_ROBOT or last_tags(instance, key) is not None
+    }
+    between = dg.AssetSelection.assets(SHARED[0].key).downstream() & dg.AssetSelection.assets(*targets).upstream()
     stages = between.resolve(_graph().resolve_asset_graph())
-    needed = upstream(there, made_for(_parents(), plans(project)))
+    needed = upstream(targets, hard_inputs(_parents(), plans(project)))
     stale = [key for key in stale_now(instance, project) if key in needed - stages]
     _materialize(instance, run, [*stale, *sorted(stages)], log, "not all stages could be materialized")
 
@@ -139,8 +140,8 @@ def _materialize(
     beginning: str,
     configs: Mapping[dg.AssetKey, dict[str, Any]] | None = None,
 ) -> None:
-    """Materialize assets in a run that belongs to another one. Where it fails, the other one stops with a sentence of
-    this `beginning`."""
+    """Materialize assets in a second run for `run`. If it fails, `run` stops with a message that starts with
+    `beginning`."""
     job = _graph().resolve_implicit_global_asset_job_def()
     if log:
         job = job.with_hooks({_progress(log, len(keys))})
@@ -160,7 +161,7 @@ def _materialize(
 
 
 def _progress(log: logging.Logger, stages: int) -> dg.HookDefinition:
-    """A hook that tells the run that a person started how far the run that works for it is."""
+    """Hook that logs the progress of the second run to the log of the run that a person started."""
     started_s, done = time.monotonic(), []
 
     @dg.success_hook
@@ -175,7 +176,7 @@ def _progress(log: logging.Logger, stages: int) -> dg.HookDefinition:
 
 
 def assets_of(run: dg.DagsterRun) -> set[dg.AssetKey]:
-    """The assets that a run makes: those selected for it, or all of its job, as a sensor or a schedule asks for it."""
+    """The assets that a run materializes: its selection, or without one all assets of its job (sensor, schedule)."""
     if run.asset_selection:
         return set(run.asset_selection)
     return set(_graph().resolve_job_def(run.job_name).asset_layer.executable_asset_keys)
@@ -194,20 +195,22 @@ def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:
     return {key: set(graph.get(key).parent_keys) for key in graph.get_all_asset_keys()}
 
 
-def made_for(
+def hard_inputs(
     parents: Mapping[dg.AssetKey, set[dg.AssetKey]], plans: Mapping[dg.AssetKey, Plan]
 ) -> dict[dg.AssetKey, set[dg.AssetKey]]:
-    """Assets that are made for each asset: its parents without soft inputs, so that no training starts because its
-    policy is wanted. Nothing is made for an external asset."""
+    """Each asset -> its parents without soft inputs (`Plan.as_they_are`), which are materialized for it if stale.
+
+    A policy is a soft input, so that no training starts on demand. External assets are left out.
+    """
     return {
-        key: {each for each in parents[key] if not plan.takes_as_it_is(each)}
+        key: {each for each in parents[key] if not plan.is_soft_input(each)}
         for key, plan in plans.items()
         if key in parents
     }
 
 
 def upstream(keys: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]]) -> set[dg.AssetKey]:
-    """Some assets and all that is upstream of them."""
+    """The given assets and everything upstream of them."""
     found, todo = set(keys), list(keys)
     while todo:
         new = parents.get(todo.pop(), set()) - found

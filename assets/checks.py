@@ -1,6 +1,7 @@
-"""Asset checks of the stages. Blocking where the data would be wrong, a warning where it would be poor.
+"""Asset checks of the stages: blocking if the data would be wrong, a warning if it would be of low quality.
 
-A check is a function of a stage's manifest: whether it holds, and what was found. It is named by its function.
+A check is a function of the stage's manifest that returns whether it passed and its findings. The name of the function
+is the name of the check, its docstring the description.
 """
 
 from inspect import getdoc
@@ -15,17 +16,17 @@ Verdict = tuple[bool, str]
 
 
 def every_clip_accounted_for(manifest: Manifest) -> Verdict:
-    """Counts conserve: a clip that came in went on or has a reason."""
+    """Every input clip is kept, or has a reason for its rejection."""
     rows = manifest.findings("clip", "pieces", "reasons")
     silent = [clip for clip, pieces, reasons in rows if not pieces and not reasons]
     return not silent, f"without a reason: {', '.join(silent)}" if silent else f"{len(manifest.judged)} clips"
 
 
 def finite_numbers(manifest: Manifest) -> Verdict:
-    """All numbers of the clips that go on are finite, and each clip has a length."""
+    """All numbers of the kept clips are finite, and each clip has a positive duration."""
     try:
         shards = manifest.entry_shards
-    except ValueError as error:  # a shard takes no other numbers
+    except ValueError as error:  # a shard refuses numbers that are not finite
         return False, str(error)
     bad: list[str] = []
     for shard in shards:
@@ -40,37 +41,37 @@ def finite_numbers(manifest: Manifest) -> Verdict:
 
 
 def something_left(manifest: Manifest) -> Verdict:
-    """At least one clip goes on."""
-    return bool(manifest.entries), f"{len(manifest.entries)} clips go on"
+    """At least one clip is kept."""
+    return bool(manifest.entries), f"{len(manifest.entries)} clips are kept"
 
 
 def no_stage_fault(manifest: Manifest) -> Verdict:
-    """No clip was lost to a fault of the stage itself (an unexpected error)."""
+    """No clip was rejected because of an unexpected error in the stage itself."""
     found = manifest.findings("clip", "reasons")
     failed = [clip for clip, reasons in found for reason in reasons if reason["code"] == "failed"]
     return not failed, ", ".join(failed) or "none"
 
 
 def sound_frames(manifest: Manifest) -> Verdict:
-    """Every stored frame is finite, every quaternion unit; contacts of human clips are labelled."""
-    there = {entry.clip for entry in manifest.entries} if manifest.unsound else set()
-    faults = [f"{clip}: {fault}" for clip, fault in manifest.unsound if clip in there]
+    """Every stored frame is finite, quaternions have unit length, contacts of human clips are labelled."""
+    kept = {entry.clip for entry in manifest.entries} if manifest.unsound else set()
+    faults = [f"{clip}: {fault}" for clip, fault in manifest.unsound if clip in kept]
     return not faults, "; ".join(faults[:20]) if faults else f"{len(manifest.entries)} clips"
 
 
 WARNING = (something_left, no_stage_fault)
 OF_EVERY_STAGE = (every_clip_accounted_for, finite_numbers, *WARNING)
 BEFORE_REPAIR = ("motion_catalog", "selected_motions")
-"""Stages whose clips may lack samples."""
+"""Stages before repair, whose clips may have missing samples."""
 
 
 def checks_of(plan: Plan):
-    """The checks of an asset; frames must be whole from KP2 on."""
+    """The checks of an asset; frames are checked from KP2 on."""
     return OF_EVERY_STAGE if plan.name in BEFORE_REPAIR else (*OF_EVERY_STAGE, sound_frames)
 
 
 def check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
-    """The checks that an asset declares."""
+    """Specifications of the checks that an asset declares."""
     return [
         dg.AssetCheckSpec(check.__name__, asset=plan.key, blocking=check not in WARNING, description=getdoc(check))
         for check in checks_of(plan)
@@ -78,5 +79,5 @@ def check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
 
 
 def evaluate(plan: Plan, manifest: Manifest) -> list[dg.AssetCheckResult]:
-    """The results of the checks on an asset's manifest."""
+    """Evaluate the checks of an asset on its manifest."""
     return [check_result(plan, each.__name__, *each(manifest), warn=each in WARNING) for each in checks_of(plan)]

@@ -1,4 +1,4 @@
-"""`expert_db`, written when something it depends on changed, and the database in the forms that other programs load."""
+"""`expert_db`, written again when one of its inputs changed, and its exports to other formats."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -29,7 +29,7 @@ def expert_db(
     robot_model: Manifest,
     plan: Plan,
 ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
-    """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
+    """Expert motion database: one AMP clip per file, an index with weights and provenance, and a manifest."""
     feasible, pool = feasible_motions, clip_pool.pool()
     why = stale_now(context.instance, PROJECT).get(plan.key)
     if why is None:
@@ -41,7 +41,7 @@ def expert_db(
     folder = PROJECT.expert_db(robot.name)
     values = PROJECT.read("database.yaml", DatabaseSettings)
     written = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values, pool=pool)
-    version = dg.DataVersion(digest.of_file(folder / MANIFEST))  # now, since a person may restore another one later
+    version = dg.DataVersion(digest.of_file(folder / MANIFEST))  # now: a person may restore another one later
     realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
     metadata = {
         **curator_link("databases"),
@@ -61,7 +61,7 @@ def expert_db(
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:
-    """An entry for each clip; consecutive clips with equal records share one description of their stages."""
+    """Yield an entry for each clip; consecutive clips with equal records share one description of their stages."""
     record, stages = None, {}
     for entry in feasible.entries:
         if entry.record != record:
@@ -78,7 +78,7 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
 
 
 SHOWN = ("clip", "skill", "seconds", "weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence")
-"""Columns of the clips that the asset's page shows."""
+"""Columns of the table of clips on the asset's page."""
 
 
 def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
@@ -87,7 +87,9 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     title = f"{manifest['robot']} expert database"
     seconds = manifest["seconds_by_skill"]
     by_skill = pd.DataFrame({"skill": list(seconds), "seconds": [float(value) for value in seconds.values()]})
-    spent = pd.DataFrame(index, columns=[name for name in ("seconds", *VELOCITIES, SECONDS_COLUMN) if name in index])
+    by_velocity = pd.DataFrame(
+        index, columns=[name for name in ("seconds", *VELOCITIES, SECONDS_COLUMN) if name in index]
+    )
     return {
         "clips": manifest["clips"],
         "frames": manifest["frames"],
@@ -95,18 +97,18 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
         "strictest licence": manifest["licence"]["strictest"],
         "allowed use": manifest["licence"]["allowed_use"],
         "dagster/row_count": manifest["clips"],
-        **({"coverage": picture(command_seconds(by_command(spent), title))} if len(index) else {}),
+        **({"coverage": picture(command_seconds(by_command(by_velocity), title))} if len(index) else {}),
         "seconds by skill": table_of(by_skill, ["skill", "seconds"]),
         "clips of the database": table_of(index.sort_values("clip"), SHOWN),
     }
 
 
 EXPORT = "export"
-"""Key under which an export's facts are in its manifest."""
+"""Key of the export's facts in its manifest."""
 
 
 def dataset_exports(robot: str) -> list[Any]:
-    """An asset for each format of `booster-lab export`."""
+    """One asset for each format of `booster-lab export`."""
     plans = robot_plans(robot)
     return [_export(plans[name], kind) for kind, name in EXPORTS.items()]
 
@@ -116,7 +118,7 @@ def _export(plan: Plan, kind: str) -> Any:
         plan,
         kind,
         deps=["expert_db"],
-        description=f"The expert database as `booster-lab export --format {kind}` writes it, with its dataset card.",
+        description=f"Expert database in the format of `booster-lab export --format {kind}`, with its dataset card.",
     )
     def dataset_export(context: dg.AssetExecutionContext):
         robot = plan.robot or DEFAULT_ROBOT

@@ -1,6 +1,6 @@
-"""Checks on the expert database: evaluated when it is written, reported again by a run that found nothing stale.
+"""Checks on the expert database: evaluated when it is written, repeated by a run that finds nothing stale.
 
-One of them: can a classifier distinguish the database from what the robot does in simulation?
+The check `realizability` measures whether a classifier can distinguish the database from rollouts in simulation.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from pipeline.expert import DatabaseError, check_database
 from pipeline.expert.read import Contents
 from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_against_rollouts
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
-from pipeline.feedback.windows import short_of_wanted
+from pipeline.feedback.windows import unmet_requests
 from pipeline.files import settings
 from pipeline.project import DEFAULT_ROBOT, PROJECT
 from pipeline.robot import load_robot
@@ -32,32 +32,37 @@ from pipeline.tracking.settings import TrackingSettings
 
 REALIZABLE = "realizability"
 WARN_ABOVE = 0.75
-"""Held-out accuracy from which an adversarial discriminator has little to learn from."""
+"""Held-out accuracy above which a discriminator separates them too easily to give a useful reward."""
 OTHER_SEED = 1000
-"""Added to the seed of `data/tracking.yaml`: the same kind of disturbances, drawn again."""
+"""Offset to the seed of `data/tracking.yaml`: the same distribution of disturbances, other samples."""
 
 
 class NoTrackerError(PipelineError):
-    """A robot without a tracker: its database is made of references."""
+    """The robot has no tracker; its database consists of references."""
 
 
 def realizability_check(
     plan: Plan, feasible: Manifest, pool: Any, log: logging.Logger
 ) -> tuple[dg.AssetCheckResult, float | None]:
-    """The check's result, and the accuracy; None where it is not measured: too few motions to hold some out, no
-    tracker, or, with a warning, a file that can't be read."""
+    """Result of the check, and the held-out accuracy.
+
+    The accuracy is None if it is not measured: too few motions, no tracker, or (a warning) an unreadable file.
+    """
     try:
-        accuracy = measured(plan.robot or DEFAULT_ROBOT, feasible, pool, log)
+        accuracy = held_out_accuracy(plan.robot or DEFAULT_ROBOT, feasible, pool, log)
     except (TooFewMotionsError, NoTrackerError) as error:
         return check_result(plan, REALIZABLE, True, f"not measured: {error}"), None
     except FileError as error:
         return check_result(plan, REALIZABLE, False, f"not measured: {error}"), None
-    found = f"held-out accuracy {accuracy:.2f}; 0.5 is chance, a warning above {WARN_ABOVE:g}"
+    found = f"held-out accuracy {accuracy:.2f} (0.5 is chance level; warning above {WARN_ABOVE:g})"
     return check_result(plan, REALIZABLE, accuracy <= WARN_ABOVE, found), accuracy
 
 
-def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, seed: int = 0) -> float:
-    """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
+def held_out_accuracy(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, seed: int = 0) -> float:
+    """Held-out accuracy of a classifier between clips and rollouts of their references with another seed.
+
+    The rollouts are of the stored tracker. Raises NoTrackerError, TooFewMotionsError.
+    """
     plans, folder = robot_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
@@ -85,17 +90,17 @@ COMMANDS = "command_coverage"
 MIN_SKILL_SECONDS = 4.0
 
 
-BLOCKING = {WHOLE: "It has clips; every file has its digest; frames finite, quaternions unit, weights positive."}
+BLOCKING = {WHOLE: "It has clips, files match their digests, frames are finite, quaternions unit, weights positive."}
 CHECKS = {
     COVERED: f"Each of the ten skills has at least {MIN_SKILL_SECONDS:g} s before mirroring.",
-    COMMANDS: "The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
-    REALIZABLE: f"A classifier tells windows of the database from rollouts under other seeds in at most "
-    f"{100 * WARN_ABOVE:.0f} of 100 held-out windows; 50 is chance.",
+    COMMANDS: "The clips cover every speed of the command ranges: forward, backward, lateral, turning.",
+    REALIZABLE: f"A classifier distinguishes windows of the database from rollouts with other seeds with an "
+    f"accuracy of at most {100 * WARN_ABOVE:.0f} % on held-out windows; 50 % is chance level.",
 }
 
 
 def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
-    """One verdict per check on the database on disk."""
+    """Evaluate the checks on the database on disk."""
     try:
         database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
     except DatabaseError as error:
@@ -106,20 +111,20 @@ def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
 
 
 def judge_contents(plan: Plan, database: Contents) -> Iterator[dg.AssetCheckResult]:
-    """One verdict per check on a whole database."""
+    """Evaluate the checks on a database that was read completely."""
     yield check_result(plan, WHOLE, len(database.index) > 0, f"{len(database.index)} clips", warn=False)
     if database.index.empty:
         for name in (COVERED, COMMANDS):
-            yield check_result(plan, name, False, "no clip is left", warn=False)
+            yield check_result(plan, name, False, "there are no clips", warn=False)
         return
     yield _every_skill(plan, database.index, database.manifest["stages"])
     yield _every_command(plan, database.index)
 
 
 def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetCheckResult]:
-    """The newest verdict a check, for a run that writes nothing: its plan would hide them, and they still hold.
+    """The last result of each check, for a run that finds nothing stale; without them Dagster would show no results.
 
-    Evaluated again where one never was.
+    Evaluates the checks again if one has no result yet.
     """
     evaluations = []
     for name in (*BLOCKING, *CHECKS):
@@ -153,9 +158,9 @@ def _every_skill(plan: Plan, index: pd.DataFrame, stages: Mapping[str, Any]) -> 
         for skill, value in seconds.items()
         if skill != "transition" and value < MIN_SKILL_SECONDS
     ]
-    short = short_of_wanted(stages)
-    wanted = {"wanted by feedback": "; ".join(short)} if short else {}
-    return check_result(plan, COVERED, not poor, ", ".join(poor) or "all", wanted)
+    missing = unmet_requests(stages)
+    unmet = {"requested by feedback, not met": "; ".join(missing)} if missing else {}
+    return check_result(plan, COVERED, not poor, ", ".join(poor) or "all", unmet)
 
 
 def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
@@ -167,4 +172,4 @@ def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
         "seconds by command": table_of(axes, columns),
         "seconds by forward speed and yaw rate": table_of(plane, ["low", "high", "low_2", "high_2", *columns[3:]]),
     }
-    return check_result(plan, COMMANDS, not found.missing, " ".join(found.missing) or "nothing", shown)
+    return check_result(plan, COMMANDS, not found.missing, " ".join(found.missing) or "nothing is missing", shown)

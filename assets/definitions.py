@@ -1,6 +1,6 @@
-"""Assembles the graph: sources, the shared stages, the stages and policies of each robot, resources.
+"""Assembles the graph: sources, shared stages, the stages and policies of each robot, jobs, sensors, resources.
 
-It also makes Python look for garbage less often.
+Also reduces how often Python's garbage collector runs.
 """
 
 import gc
@@ -46,19 +46,19 @@ def policy_assets(robot: str) -> list[Any]:
 
 
 def training_jobs(robot: str) -> list[Any]:
-    """The jobs `train` and `train_tracker` (`train_k1` of another robot): started by a person, never by themselves."""
+    """The jobs `train` and `train_tracker` (for another robot `train_<robot>`, ...); only a person starts them."""
     policy, tracker = (robot_plans(robot)[name].key for name in ("amp_policy", "tracking_policy"))
     return [
         dg.define_asset_job(
             job_of("train", robot),
             selection=dg.AssetSelection.assets(policy),
-            description="Trains a policy on the expert database, which is brought up to date first.",
+            description="Brings the expert database up to date, then trains a policy on it.",
         ),
         dg.define_asset_job(
             job_of("train_tracker", robot),
             selection=dg.AssetSelection.assets(tracker),
             config={"ops": {tracker.to_python_identifier(): {"config": {"train": ALWAYS}}}},
-            description="Trains a tracking policy on the references, which are brought up to date first. Needs a GPU.",
+            description="Brings the references up to date, then trains a tracking policy on them. Requires a GPU.",
         ),
     ]
 
@@ -82,7 +82,7 @@ for _robot in PROJECT.robots:
         *policy_assets(_robot),
     ]
 
-# Stages make tables of millions of values, none of them garbage: looking for it would take as long as making them.
+# Stages build tables of millions of objects, all in use: at the default threshold, collection would double the time.
 gc.freeze()
 gc.set_threshold(100_000)
 

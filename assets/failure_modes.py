@@ -1,4 +1,4 @@
-"""Failures of each trial, and its repetition in simulation where its policy is available; each trial once."""
+"""Failures of each hardware trial, and its simulated twin if its policy is available; results are cached."""
 
 from pathlib import Path
 from typing import Any
@@ -25,13 +25,13 @@ from pipeline.hardware_logs import read_trial
 from pipeline.project import PROJECT
 
 FAILURES = FIELD[0]
-LOOKED = "every_trial_looked_at"
+EVALUATED = "every_trial_looked_at"
 KEPT = ("report", "twin", "unread")
-"""What the manifest holds of each trial."""
+"""Keys of a trial's result that the manifest stores."""
 
 
 def _calibrations() -> dict[str, Plan]:
-    """Each robot's calibration: what its motors can do by measurement, before any log."""
+    """Each robot's motor calibration from bench measurements; feedback from logs does not change it."""
     return {robot: robot_plans(robot)["actuator_calibration"] for robot in PROJECT.robots}
 
 
@@ -39,11 +39,11 @@ def _calibrations() -> dict[str, Plan]:
     FAILURES,
     "numpy",
     deps=[plan.key for plan in _calibrations().values()],
-    checks={LOOKED: "Every trial is of a robot that is here, and was read."},
+    checks={EVALUATED: "Every trial was evaluated: its robot is in robots/ and its file is readable."},
 )
 def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
-    """Failures of each trial: kind, time, command, evidence, confidence, and whether the policy is the cause."""
-    found = {name: _answer(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}
+    """Failures in each hardware trial: kind, time, command, evidence, confidence, and whether the policy caused it."""
+    found = {name: _findings(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}
     unread = [f"{name}: {each['unread']}" for name, each in found.items() if "unread" in each]
     manifest = Manifest(
         stage=FAILURES.name,
@@ -53,28 +53,28 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
         recomputed=sum(each.get("new", False) for each in found.values()),
     )
     context.log.info(f"{len(found)} trials, {manifest.recomputed} evaluated again")
-    check = check_result(FAILURES, LOOKED, not unread, "; ".join(unread) or f"{len(found)} trials")
+    check = check_result(FAILURES, EVALUATED, not unread, "; ".join(unread) or f"{len(found)} trials")
     faults = sum(each.get("fault", False) for each in found.values())
     return result_of(FAILURES, manifest, _failure_metadata(manifest), [check], faults=faults)
 
 
-def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The findings on a trial. A fault of one trial does not stop the others.
+def _findings(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
+    """Findings on a trial. A fault of one trial does not stop the others.
 
-    Settings, a robot or a store that cannot be read or written stop the run: no fault of the log.
+    Unreadable settings or robots, and a store that can't be read or written, stop the run: the log is not at fault.
     """
     try:
-        return _looked_at(name, path, numbers)
+        return _cached_findings(name, path, numbers)
     except dg.DagsterUserCodeExecutionError:
         raise
     except PipelineError as error:
         return {"unread": str(error)}
-    except Exception as error:  # a fault of ours: it is tried again in the next run
-        return {"unread": f"looking at it failed with {type(error).__name__}: {error}", "fault": True}
+    except Exception as error:  # a fault of the program; the next run tries again
+        return {"unread": f"its evaluation failed with {type(error).__name__}: {error}", "fault": True}
 
 
-def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The report of a trial, and its twin where its policy is at hand; remembered by all that they depend on."""
+def _cached_findings(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
+    """Report of a trial, and its simulated twin if its policy is available, cached by the digest of all inputs."""
     robot = str(numbers["robot"])
     if robot not in PROJECT.robots:
         return {"unread": f"there is no folder robots/{robot}"}
@@ -84,23 +84,28 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         calibration = PROJECT.store.load(_calibrations()[robot].key.to_user_string())
         nominal = PROJECT.robot(robot)
     policy = find_policy(PROJECT.policy_files(robot), numbers.get("policy_digest") or "")
-    question = [
+    inputs = [
         *("looked at", FAILURES.code_version(), settings.plain(values), calibration.digest, nominal.digest),
         *(name, digest.of_file(path), digest.of_file(policy) if policy else ""),
     ]
-    key = digest.of_json(question)
+    key = digest.of_json(inputs)
     with as_failure():
         known = PROJECT.store.recall(key, FAILURES.name)
     if known is None:
         calibrations = [Calibration.from_dict(each) for each in calibration.settings.values()]
-        known = {"pieces": [], **_look(path, numbers, nominal, adapt(nominal, calibrations, limits), policy, values)}
+        known = {
+            "pieces": [],
+            **_evaluate(path, numbers, nominal, adapt(nominal, calibrations, limits), policy, values),
+        }
         with as_failure():
             PROJECT.store.remember(key, known, FAILURES.name)
         return {**known, "new": True}
     return known
 
 
-def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, policy: Path | None, values: Any) -> dict:
+def _evaluate(
+    path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, policy: Path | None, values: Any
+) -> dict:
     trial = read_trial(path)
     report = find_failures(trial, robot, actuators, values, file=str(numbers.get("log", trial.name)))
     ends = [each.time_s for each in report.failures if each.kind in ("fall", *NOT_OF_POLICY)]
@@ -125,9 +130,9 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
                     "command": " ".join(f"{value:.2f}" for value in each.command),
                     "what": " ".join(part for part in (each.direction, each.joint) if part),
                     "confidence": each.confidence,
-                    "not the policy's": each.excuse,
+                    "cause, if not the policy": each.excuse,
                     "simulated": report.simulated,
-                    "missed bar": each.evidence.get("bar", ""),
+                    "missed threshold": each.evidence.get("bar", ""),
                     "text": each.text(),
                 }
             )
@@ -139,7 +144,7 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
         "failures of the policy": sum(each.of_policy for report in reports for each in report.failures),
         **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},
         "dagster/row_count": len(rows),
-        "what went wrong": table_of(rows),
+        "failures of all trials": table_of(rows),
         NOTED: dg.MetadataValue.md(markdown_list(f"{report.trial}: {note}" for report, note in noted)),
     }
 

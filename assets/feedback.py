@@ -1,4 +1,4 @@
-"""What hardware teaches: the changes that failures ask for, and each trial beside its simulation.
+"""Feedback from hardware: changes proposed from failures, and the comparison of each trial with its simulation.
 
 hardware_trials → failure_modes → curation_feedback ⇢ a person approves ⇢ approved_* → KP1, KP4, KP5, motors, training
                        └→ sim_to_real_report
@@ -18,7 +18,7 @@ from assets.report import asset_of, check_result, curator_link, result_of, table
 from pipeline.batch import Manifest
 from pipeline.feasibility import CommandSettings
 from pipeline.feedback.approved import Approvals, entries_of, write_entries
-from pipeline.feedback.change import Change, place_of, proposal_digest
+from pipeline.feedback.change import Change, change_key, proposal_digest
 from pipeline.feedback.propose import Proposal, propose
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.feedback.trust import is_demonstration
@@ -27,46 +27,48 @@ from pipeline.files.shown_text import markdown_list
 from pipeline.project import PROJECT
 from pipeline.selection import Curation
 
-SHOWN = (
-    "rests on the logs of data/hardware_logs/demo alone, which ship to show the loop: approve it to try the loop, or "
-    "leave it. It gives way to the first log of your own that counts, and never takes effect without a person."
+DEMONSTRATION_ONLY = (
+    "is based only on the logs in data/hardware_logs/demo, which ship to demonstrate the loop: approve it to try the "
+    "loop, or ignore it. It disappears with the first log of your own that counts, and never takes effect without "
+    "approval."
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackPage:
-    """A proposal beside a person's answers."""
+    """A proposal and the answers to it."""
 
     proposal: Proposal
     approvals: Approvals
     declined_changes: Sequence[Change] = ()
-    """Every change that a person declined, proposed now or not."""
+    """Every declined change, including those that are no longer proposed."""
 
     @property
     def declined(self) -> list[Change]:
-        """The proposed changes that a person declined and has not approved since."""
+        """Proposed changes that are declined and not approved."""
         known, approved = self.declined_changes, self.approvals.changes
         return [each for each in self.proposal.changes if each in known and each not in approved]
 
     @property
     def pending(self) -> list[Change]:
-        """What is proposed and not answered; also a number that is approved with another value."""
+        """Proposed changes without an answer, including those that are approved with another value."""
         answered = (*self.approvals.changes, *self.declined)
         return [each for each in self.proposal.changes if each not in answered]
 
     @property
     def nothing_waits(self) -> bool:
-        """Whether no person has to act. A change of the demonstration logs alone can wait."""
+        """Whether no person has to act. Changes based only on the demonstration logs can wait."""
         return not self.approvals.faults and all(is_demonstration(each) for each in self.pending)
 
     def sentence(self) -> str:
-        """What waits."""
+        """One line on what waits for an answer."""
         if self.approvals.faults:
             return self._faults()
         if not self.pending:
-            return "nothing waits"
+            return NOTHING
         if self.nothing_waits:
-            return f"nothing of yours waits; what is proposed ({len(self.pending)} changes) {SHOWN}"
+            count = len(self.pending)
+            return f"no change from your own logs is pending; the proposal ({count} changes) {DEMONSTRATION_ONLY}"
         return f"{len(self.pending)} changes wait for approval"
 
     def _faults(self) -> str:
@@ -74,14 +76,16 @@ class FeedbackPage:
         return " ".join(faults)
 
     def metadata(self, digest: str) -> dict[str, Any]:
-        """The rows of the page; tables come last."""
-        silent = markdown_list(self.proposal.silent, "nothing")
-        places = {place_of(each) for each in self.proposal.changes}
-        left = (each.text() for each in self.approvals.changes if place_of(each) not in places)
-        faults = {"what is approved can't be used": self._faults()} if self.approvals.faults else {}
+        """The rows of the asset's page."""
+        unproposed = markdown_list(self.proposal.unproposed, "nothing")
+        proposed = {change_key(each) for each in self.proposal.changes}
+        left = (each.text() for each in self.approvals.changes if change_key(each) not in proposed)
+        faults = {"invalid approved changes": self._faults()} if self.approvals.faults else {}
         changes = self.proposal.changes
         shown = (
-            {"demonstration": f"What is proposed {SHOWN}"} if changes and all(map(is_demonstration, changes)) else {}
+            {"demonstration": f"The proposal {DEMONSTRATION_ONLY}"}
+            if changes and all(map(is_demonstration, changes))
+            else {}
         )
         return {
             "proposal": digest or "none",
@@ -92,52 +96,54 @@ class FeedbackPage:
             "changes pending": len(self.pending),
             "changes approved": len(self.approvals.changes),
             "changes declined": len(self.declined),
-            "how to approve": dg.MetadataValue.md(_how(digest) if self.pending else "nothing waits"),
-            "approved, proposed no longer": dg.MetadataValue.md(markdown_list(left, "nothing")),
-            "proposes nothing": dg.MetadataValue.md(silent),
-            "what is proposed": table_of([self._row(each) for each in self.proposal.changes]),
+            "how to approve": dg.MetadataValue.md(_how_to_approve(digest) if self.pending else NOTHING),
+            "approved, no longer proposed": dg.MetadataValue.md(markdown_list(left, "nothing")),
+            "logs and failures without a proposal": dg.MetadataValue.md(unproposed),
+            "proposed changes": table_of([self._row(each) for each in self.proposal.changes]),
         }
 
     def _row(self, change: Change) -> dict[str, Any]:
         return {
-            "part": change.section,
+            "section": change.section,
             "robot": change.robot,
-            "what": change.what,
+            "item": change.what,
             "from": change.before,
             "to": change.value,
             "bound": change.bound,
             "approved": change in self.approvals.changes,
             "declined": change in self.declined,
-            "rests on": change.counted(),
+            "evidence": change.counted(),
             "logs": ", ".join(sorted({witness.log for witness in change.witnesses})),
             "simulated": all(witness.simulated for witness in change.witnesses),
-            "because": "; ".join(witness.said for witness in change.witnesses),
+            "failures": "; ".join(witness.said for witness in change.witnesses),
         }
 
 
-def _how(digest: str) -> str:
+def _how_to_approve(digest: str) -> str:
     config = (
         f'{{"ops": {{"approve": {{"config": {{"proposal": "{digest}", "by": "YOUR NAME", "token": "THE TOKEN"}}}}}}}}'
     )
     return (
-        f"On the curator's page (`booster-lab curate`), or launch the job `approve_feedback` with the content of "
-        f"data/feedback/approval_token (each counts once) in\n\n"
-        f'    {config}\n\n(`"sections": ["weights"]` approves a part; other '
-        "sections keep what was approved before), or copy data/feedback/proposed.yaml to data/feedback/approved.yaml, "
-        "which is then all that is approved."
+        f"There are three ways. Use the curator's page (`booster-lab curate`). Or launch the job `approve_feedback` "
+        f"with this config, in which the token is the content of data/feedback/approval_token (valid once):\n\n"
+        f'    {config}\n\nAdd `"sections": ["weights"]` to approve some sections only; other sections keep their '
+        "approved changes. Or copy data/feedback/proposed.yaml to data/feedback/approved.yaml, which replaces all "
+        "approved changes."
     )
 
 
 FAILURES, FEEDBACK, REPORT = FIELD
+NOTHING = "nothing waits for approval"
 NOTHING_PENDING = "nothing_pending"
 
 
-@asset_of(FEEDBACK, "python", checks={NOTHING_PENDING: "What the rules propose is what a person approved."})
+@asset_of(FEEDBACK, "python", checks={NOTHING_PENDING: "No proposed change waits for a person's answer."})
 def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest):
-    """Changes that the failures ask for, by data/feedback_rules.yaml: each bounded, with the logs that it rests on.
+    """Bounded changes proposed from the failures by data/feedback_rules.yaml, each with the logs that support it.
 
-    They take effect when they are approved: by the job approve_feedback with this page's proposal, or by copying
-    data/feedback/proposed.yaml to approved.yaml; the job take_back_feedback takes sections back.
+    A change takes effect when it is approved: on the curator's page, by the job approve_feedback with the digest of
+    this proposal, or by copying data/feedback/proposed.yaml to approved.yaml. The job take_back_feedback revokes
+    approved sections.
     """
     rules = PROJECT.read("feedback_rules.yaml", FeedbackRules)
     commands = PROJECT.read("commands.yaml", CommandSettings)
@@ -146,7 +152,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     found = proposal_digest(proposal.changes)
     write_entries(PROJECT.proposed_feedback, entries_of(proposal.changes, found), head="proposed")
     if not rules.approval.required:
-        _let_take_effect(proposal.changes, found)
+        _approve_automatically(proposal.changes, found)
     made = {f"{place:04d}": settings.plain(each) for place, each in enumerate(proposal.changes)}
     ensure_token(PROJECT)
     approvals = PROJECT.feedback.approvals()
@@ -158,23 +164,26 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     return result_of(FEEDBACK, made, page.metadata(found), [check], tags=shown)
 
 
-def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
-    """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
+def _approve_automatically(changes: Sequence[Any], proposal: str) -> None:
+    """Write the proposal as the approved changes; changes based only on demonstration logs still need a person."""
     path = PROJECT.feedback.approved
     with atomic.only_writer(path):
         approved = PROJECT.feedback.approvals().changes
         kept = [each for each in changes if not is_demonstration(each) or each in approved]
-        write_entries(path, entries_of(kept, proposal, "the rules, which ask for no approval"))
+        write_entries(path, entries_of(kept, proposal, "the rules, which require no approval"))
 
 
 @asset_of(REPORT, "mujoco")
 def sim_to_real_report(failure_modes: Manifest):
-    """Each trial beside MuJoCo with the same policy, gains and command: tracking, and the limit cycles of the legs."""
+    """Sim-to-real comparison: each trial and MuJoCo with the same policy, gains and commands.
+
+    Compares achieved velocities [m/s, rad/s] and the limit cycles of hip pitch and knee.
+    """
     rows, notes = [], []
     for name, each in sorted(failure_modes.settings.items()):
         twin = each.get("twin")
         if twin is None:
-            notes.append(f"{name}: its policy is not at hand, or nothing in it is steady")
+            notes.append(f"{name}: its policy is not available, or it has no steady stretch")
             continue
         rows.append(_twin_row(name, twin))
         notes += [f"{name}: {note}" for note in twin["notes"]]
@@ -182,7 +191,7 @@ def sim_to_real_report(failure_modes: Manifest):
         "trials compared": len(rows),
         "not compared": dg.MetadataValue.md(markdown_list(notes, "nothing")),
         "dagster/row_count": len(rows),
-        "trials against their simulation": table_of(rows),
+        "trials and their simulation": table_of(rows),
     }
     return result_of(REPORT, {row["trial"]: row for row in rows}, metadata)
 

@@ -1,7 +1,7 @@
-"""What is stale, and why: by Dagster's record of versions, and by the files on disk.
+"""Which assets are stale, and why, by the versions that Dagster recorded and the files on disk.
 
-An asset is stale when it was never materialized, when its stored result is not the one of the last
-materialization, when its code, settings or robot changed, or when an input changed or is stale.
+An asset is stale if it was never materialized, if its stored result differs from the last materialization, if its
+code, settings or robot changed, or if an input changed or is stale.
 """
 
 from collections.abc import Collection, Mapping
@@ -19,7 +19,7 @@ from pipeline.project import DEFAULT_ROBOT, Project
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
 NEVER_MATERIALIZED = "INITIAL"
-"""What Dagster notes as the version of an input that was never materialized."""
+"""Version that Dagster records for an input that was never materialized."""
 
 
 def stale_reasons(
@@ -33,9 +33,9 @@ def stale_reasons(
     """Each stale asset with the reason, upstream before downstream.
 
     Args:
-        parents: the assets that each one takes, external ones among them
-        external: version of each external asset, as its files are now
-        forced: assets that are stale for another reason
+        parents: inputs of each asset, including external ones
+        external: current version of each external asset
+        forced: assets to treat as stale in any case, with the reason
     """
     stale: dict[dg.AssetKey, str] = {}
     versions: dict[dg.AssetKey, str | None] = dict(external)
@@ -59,13 +59,13 @@ def topological(parents: Mapping[dg.AssetKey, set[dg.AssetKey]]) -> list[dg.Asse
 
 
 def _why_by_itself(tags: Mapping[str, str] | None, project: Project, plan: Plan) -> str:
-    """Why an asset is stale whatever its inputs are; empty if it is not."""
+    """Why an asset is stale regardless of its inputs; empty if it is not."""
     if tags is None:
         return "it was never materialized"
     if stored_version(project, plan) != tags.get(DATA_VERSION_TAG):
-        return "what is stored is not the result of its last materialization"
+        return "its stored result is not that of its last materialization"
     if tags.get(FAULTS_TAG, "0") != "0":
-        return f"the stage itself failed on {tags[FAULTS_TAG]} clips, which are tried again"
+        return f"the stage itself failed on {tags[FAULTS_TAG]} clips; they are tried again"
     return "" if tags.get(FINGERPRINT_TAG) == plan.fingerprint(project) else "its code, settings or robot changed"
 
 
@@ -79,45 +79,45 @@ def _why_by_input(
 ) -> str:
     """Why an input makes an asset stale; empty if it does not."""
     name = parent.to_user_string()
-    if parent in stale and not plan.takes_as_it_is(parent):
+    if parent in stale and not plan.is_soft_input(parent):
         return f"'{name}' is stale"
     used = tags.get(INPUT_VERSION_PREFIX + name)
-    same = (None if used == NEVER_MATERIALIZED else used) == versions.get(parent)
-    if not same and plan.walks_in_logs and parent == TRIALS.key:
-        same = tags.get(WALKS_TAG) == digest_of_walks(project, plan.robot or DEFAULT_ROBOT)
-    return "" if same else f"'{name}' has new content"
+    unchanged = (None if used == NEVER_MATERIALIZED else used) == versions.get(parent)
+    if not unchanged and plan.walks_in_logs and parent == TRIALS.key:
+        unchanged = tags.get(WALKS_TAG) == digest_of_walks(project, plan.robot or DEFAULT_ROBOT)
+    return "" if unchanged else f"'{name}' has new content"
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:
-    """Data version of what is on disk for an asset; None if nothing readable is there, or a file is missing."""
+    """Data version of an asset's stored result; None if there is none, it is unreadable, or a file is missing."""
     try:
         if plan.name == "expert_db":
             return database_version(project.expert_db(plan.robot or ""))
-        if plan.name in ("adapted_robot", "exported_policy", *EXPORTS.values()) and not _whole(project, plan):
+        if plan.name in ("adapted_robot", "exported_policy", *EXPORTS.values()) and not _files_intact(project, plan):
             return None
         asset = plan.key.to_user_string()
         manifest = project.store.manifest_path(asset)
         if plan.name == "feasible_motions" and not belongs(path_beside(manifest), manifest):
-            return None  # the table of criteria beside the manifest is of another one
+            return None  # the criteria table beside the manifest belongs to another manifest
         return digest.of_file(manifest) if project.store.holds_blobs_of(asset) else None
     except (PipelineError, OSError):
         return None
 
 
-def _whole(project: Project, plan: Plan) -> bool:
-    """The files of an adapted robot or an exported policy are those that its manifest names."""
+def _files_intact(project: Project, plan: Plan) -> bool:
+    """Whether the files of an adapted robot, an exported policy or a dataset match the digests in its manifest."""
     (facts,) = project.store.load(plan.key.to_user_string()).settings.values()
     folder = project.root / facts["folder"] if "folder" in facts else project.adapted_robot(plan.robot or "")
     return all(digest.of_file(folder / name) == content for name, content in facts["files"].items())
 
 
 def last_tags(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:
-    """Tags of an asset's last materialization; None where it never was."""
+    """Tags of an asset's last materialization; None if it was never materialized."""
     return last_tags_of(instance, [key]).get(key)
 
 
 def last_tags_of(instance: dg.DagsterInstance, keys: Collection[dg.AssetKey]) -> dict[dg.AssetKey, Mapping[str, str]]:
-    """Tags of the last materialization of each asset that was ever materialized, read together."""
+    """Tags of the last materialization of each asset, in one query; assets that never were materialized are missing."""
     events = instance.event_log_storage.get_latest_materialization_events(keys)
     made = {key: event.asset_materialization for key, event in events.items() if event is not None}
     return {key: materialization.tags or {} for key, materialization in made.items() if materialization is not None}

@@ -1,6 +1,7 @@
-"""Logs of the robot: the folder they are dropped into, and the trials that are made of them.
+"""Robot logs: the folder `data/hardware_logs`, and the trials that are extracted from the logs.
 
-A log that was read before comes from the memo; one that is refused gets a text file with the reason beside it.
+Results of logs that were read before come from the store's cache. For a refused log, a text file in the quarantine
+folder has the reason.
 """
 
 import logging
@@ -32,35 +33,35 @@ from pipeline.hardware_logs.log_folder import (
 )
 from pipeline.project import PROJECT, Project
 
-Answer = dict[str, Any]
+LogResult = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class IngestedLogs:
-    """What became of all logs."""
+    """Result of ingesting all logs."""
 
     manifest: Manifest
     faults: int
-    """Logs that could not be read for a reason outside the log: they are tried again."""
+    """Number of logs that could not be read for a reason outside the log; the next run tries again."""
     passed_over: tuple[str, ...]
-    """A message for each file that is no log yet, or a duplicate."""
+    """A message for each file that is not a complete log, or is a copy."""
 
 
 def ingest_folder(project: Project, values: LogSettings, log: logging.Logger) -> IngestedLogs:
-    """The manifest of trials of `data/hardware_logs`. One log never stops the others."""
+    """Ingest all logs of `data/hardware_logs`. A fault of one log does not stop the others."""
     folder = project.hardware_logs
-    shutil.rmtree(project.store.root / "ingest", ignore_errors=True)  # what a killed run left
+    shutil.rmtree(project.store.root / "ingest", ignore_errors=True)  # left by a killed run
     files, waiting = complete_logs(folder, project.log_digests)
     files, copies = without_copies(files, _names_before(project))
     version = digest.of_json([TRIALS.name, TRIALS.code_version(), settings.plain(values), digest_of_robots(project)])
-    answers: dict[str, Answer] = {}
+    answers: dict[str, LogResult] = {}
     read, faults = 0, 0
     for file in files:
         key = digest.of_json([version, file.name, file.question])
         answer = project.store.recall(key, TRIALS.name)
         if answer is None:
             log.info(f"'{file.name}' is read")
-            answer, is_fault = _ask(project, file, values)
+            answer, is_fault = _read_log(project, file, values)
             read, faults = read + 1, faults + is_fault
             if not is_fault:
                 project.store.remember(key, answer, TRIALS.name)
@@ -69,17 +70,20 @@ def ingest_folder(project: Project, values: LogSettings, log: logging.Logger) ->
     unwritten = note_refusals(folder / QUARANTINE, refused)
     for sentence in unwritten:
         log.warning(sentence)
-    passed_over = [f"{path.relative_to(folder)} is still being written or can't be read." for path in waiting] + copies
+    passed_over = [f"{path.relative_to(folder)} is still being written, or can't be read." for path in waiting] + copies
     passed_over += [
         *unwritten,
-        *(f"{path.relative_to(folder)} can't be looked into." for path in closed_folders(folder)),
+        *(f"{path.relative_to(folder)} can't be opened." for path in closed_folders(folder)),
     ]
-    passed_over += [f"{path.relative_to(folder)} is packed or of ROS 1: unpack it." for path in packed_files(folder)]
+    passed_over += [
+        f"{path.relative_to(folder)} is an archive or a ROS 1 bag: unpack or convert it."
+        for path in packed_files(folder)
+    ]
     return IngestedLogs(manifest=_manifest(files, answers, values, read), faults=faults, passed_over=tuple(passed_over))
 
 
 def _names_before(project: Project) -> dict[str, str]:
-    """Names of the logs of the last manifest, by what they were."""
+    """Content digest -> name of the logs in the last manifest."""
     try:
         before = project.store.load(TRIALS.key.to_user_string())
     except PipelineError:
@@ -87,8 +91,8 @@ def _names_before(project: Project) -> dict[str, str]:
     return {row.numbers["question"]: row.clip for row in before.judged}
 
 
-def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, bool]:
-    """The answer on a log, and whether a fault of the machine kept us from reading it."""
+def _read_log(project: Project, file: LogFile, values: LogSettings) -> tuple[LogResult, bool]:
+    """Read a log. Returns its result, and whether a fault outside the log (disk, memory) prevented it."""
     aside: Path | None = None
     try:
         root = project.store.root / "ingest"
@@ -114,11 +118,11 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
             shutil.rmtree(aside, ignore_errors=True)
 
 
-def _refused(sentence: str, messages: int) -> Answer:
+def _refused(sentence: str, messages: int) -> LogResult:
     return {"pieces": [], "integrity": "", "messages": messages, "notes": [], "refused": sentence}
 
 
-def _manifest(files: list[LogFile], answers: Mapping[str, Answer], values: LogSettings, read: int) -> Manifest:
+def _manifest(files: list[LogFile], answers: Mapping[str, LogResult], values: LogSettings, read: int) -> Manifest:
     stated = settings.plain(values)
     record = ({"stage": TRIALS.name, "version": TRIALS.code_version(), "settings": digest.of_json(stated)},)
     entries, judged = [], []
@@ -153,7 +157,7 @@ def _manifest(files: list[LogFile], answers: Mapping[str, Answer], values: LogSe
     )
 
 
-def _reasons(answer: Answer) -> list[Reason]:
+def _reasons(answer: LogResult) -> list[Reason]:
     if answer["refused"]:
         return [Reason(code="refused", text=answer["refused"], effect="rejected")]
     code = answer["integrity"] if answer["integrity"] != "complete" else "noted"
@@ -168,14 +172,14 @@ READABLE = "every_log_readable"
 VERIFIED = "every_log_verified"
 INTEGRITIES = ("complete", "recovered", "unverified")
 
-FOLDER = "The folder data/hardware_logs: MCAP files and sqlite3 bags of the robot, by content."
+FOLDER = "The folder data/hardware_logs: MCAP files and sqlite3 bags of the robot, versioned by content."
 hardware_logs = external("hardware_logs", None, FOLDER)
 
 
 def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
-    """Digest of the logs that are complete, and what is noted of them in the history.
+    """Digest of the complete logs, and the metadata that Dagster's history records with it.
 
-    A copy of a log changes nothing. Files that cannot be read are skipped: no other asset waits for logs.
+    A copy of a log does not change the digest. Unreadable files are skipped, so that they do not block other assets.
     """
     logs, waiting = complete_logs(project.hardware_logs, project.log_digests)
     version = digest.of_json(sorted({log.question for log in logs}))
@@ -186,10 +190,13 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
     TRIALS,
     "parquet",
     deps=[HARDWARE_LOGS],
-    checks={READABLE: "No log is refused.", VERIFIED: "Every log has checksums, which hold."},
+    checks={READABLE: "No log is refused.", VERIFIED: "Every log has checksums, and they match."},
 )
 def hardware_trials(context: dg.AssetExecutionContext):
-    """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
+    """Trials from the robot logs: resampled to a regular rate, joints in the robot's order, values checked.
+
+    Damage of a log is reported with its integrity: complete, recovered or unverified.
+    """
     values = PROJECT.read("hardware_logs.yaml", LogSettings)
     found = ingest_folder(PROJECT, values, context.log)
     manifest = found.manifest
@@ -200,12 +207,12 @@ def hardware_trials(context: dg.AssetExecutionContext):
         check_result(TRIALS, name, not logs, ", ".join(logs) or f"{len(manifest.judged)} logs")
         for name, logs in ((READABLE, refused), (VERIFIED, damaged))
     ]
-    metadata = {**_metadata(manifest), "not looked at": "; ".join(found.passed_over) or "none"}
+    metadata = {**_metadata(manifest), "files that were not read": "; ".join(found.passed_over) or "none"}
     return result_of(TRIALS, manifest, metadata, checks, faults=found.faults)
 
 
 def trials_of(manifest: Manifest) -> Iterator[tuple[str, Path, dict[str, Any]]]:
-    """Name, Parquet file (`pipeline.hardware_logs.read_trial`) and numbers of each trial that was ingested."""
+    """Yield name, Parquet file (`pipeline.hardware_logs.read_trial`) and numbers of each ingested trial."""
     for entry in manifest.entries:
         yield entry.clip, PROJECT.store.own_blobs.path(entry.blob), entry.numbers
 
@@ -222,8 +229,8 @@ def _metadata(manifest: Manifest) -> dict[str, Any]:
         "seconds": round(manifest.seconds("seconds_out"), 2),
         **{f"logs {name}": count for name, count in fates.items()},
         "logs refused": sum(row.fate == "rejected" for row in manifest.judged),
-        "logs read": manifest.recomputed,
+        "logs read in this run": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
         "integrity of each log": table_of(table, of_logs),
-        "what was made": table_of(trials, [*columns, "gaps", "gap_seconds", "message_hz"]),
+        "trials from all logs": table_of(trials, [*columns, "gaps", "gap_seconds", "message_hz"]),
     }

@@ -1,4 +1,4 @@
-"""The stages that are the same for every robot: catalogue, KP1, KP2."""
+"""Stages that all robots share: motion catalogue, KP1 (selection), KP2 (repair)."""
 
 import dataclasses
 from functools import partial
@@ -23,7 +23,7 @@ CATALOG, SELECTED, REPAIRED = SHARED
 
 @asset_of(CATALOG, "python", deps=[RAW_MOTIONS], specs=check_specs)
 def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource):
-    """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
+    """Catalogue of all motion files: format, skeleton, unit, measured frame rate [Hz], speeds [m/s], defects."""
     from pipeline.catalog import CatalogSettings, catalogue_file
 
     values = PROJECT.read("catalog.yaml", CatalogSettings)
@@ -36,28 +36,31 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     for text in notes:
         context.log.warning(text)
     if notes:
-        metadata["not read or empty"] = dg.MetadataValue.md(markdown_list(notes))
+        metadata["files not read, empty folders and patterns"] = dg.MetadataValue.md(markdown_list(notes))
     return materialized(CATALOG, manifest, metadata)
 
 
 @asset_of(SELECTED, "python", "1", deps=["approved_windows"], specs=check_specs)
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
-    """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
+    """KP1: windows of one skill each, labelled by measured velocity, and the selection among them.
+
+    data/curation.yaml has the limits and rules; each window that is left out has a reason.
+    """
     from pipeline.viewing.plots import command_coverage
 
     curation = PROJECT.read("curation.yaml", Curation)
-    windows_only = dataclasses.replace(curation, expert_motions="rollouts", decisions=())  # no window depends on these
+    windows_only = dataclasses.replace(curation, expert_motions="rollouts", decisions=())  # they change no window
     stage = stage_of(SELECTED, partial(process, settings=windows_only), windows_only)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
     for pattern in idle_patterns(windows.entry_table(), curation):
-        context.log.warning(f"excluded_clips in data/curation.yaml: the pattern '{pattern}' fits no clip")
+        context.log.warning(f"excluded_clips in data/curation.yaml: the pattern '{pattern}' matches no clip")
     feedback = approved_part(PROJECT, "selection", None)
     manifest, bounds = chosen_windows(windows, curation, feedback)
     metadata = stage_metadata(
         manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]
     ) | approval_metadata(feedback)
     if bounds:
-        metadata["what feedback brought"] = dg.MetadataValue.md(markdown_list(each.text() for each in bounds))
+        metadata["effect of feedback"] = dg.MetadataValue.md(markdown_list(each.text() for each in bounds))
     metadata["windows not taken"] = len(windows.entries) - len(manifest.entries)
     metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "human speed, selected windows"))
     return materialized(SELECTED, manifest, metadata)
@@ -65,7 +68,8 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
 
 @asset_of(REPAIRED, "numpy", "2", specs=check_specs)
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
-    """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
+    """KP2: repaired windows: corrupted frames filled or cut, heading and floor aligned, zero-phase smoothing, foot
+    contacts labelled."""
     from pipeline.repair import RepairSettings, prepare, process
     from pipeline.viewing.contact_sheet import worst_clips
 

@@ -1,6 +1,6 @@
-"""What each asset's result depends on besides its inputs (code, settings, robot), and its group in Dagster's graph.
+"""Table of all assets: group in Dagster's graph, and the code, settings and robot that the result depends on.
 
-No heavy imports here.
+All modules of `assets` import it: keep its imports light.
 """
 
 import dataclasses
@@ -20,13 +20,13 @@ FINGERPRINT_TAG = "booster_lab/fingerprint"
 
 
 FAULTS_TAG = "booster_lab/faults"
-"""Tag of a materialization: how many clips were lost to a fault of the stage itself, not to a verdict."""
+"""Tag of a materialization: number of clips lost to an unexpected error in the stage itself."""
 
 WALKS_TAG = "booster_lab/walks"
-"""Tag of a materialization: the walks in logs that it contains (`digest_of_walks`)."""
+"""Tag of a materialization: digest of the walks in logs that it contains (`digest_of_walks`)."""
 
 FINGERPRINT_DIGITS = 40
-"""Hex digits of a fingerprint; Dagster allows a tag 63 characters."""
+"""Hex digits of a fingerprint; Dagster limits the value of a tag to 63 characters."""
 
 
 @dataclass(frozen=True)
@@ -36,30 +36,29 @@ class Plan:
     name: str
     """Last part of the asset key."""
     group: str
-    """Its group in Dagster's graph; of a robot's asset without the robot's name."""
+    """Group in Dagster's graph, without the prefix of the robot."""
     packages: tuple[str, ...]
-    """The packages of `pipeline/` that do the work."""
+    """Packages of `pipeline/` whose code determines the result."""
     settings_files: tuple[str, ...] = ()
-    """Files of `data/` that parametrise it."""
+    """Settings files in `data/`."""
     _: KW_ONLY
     robot: str | None = None
-    """Robot folder it depends on; None for what all robots share."""
+    """Robot folder it depends on; None for an asset that all robots share."""
     robot_settings_files: tuple[str, ...] = ()
-    """Files of the robot's folder that parametrise it without being part of its model; a robot may lack them."""
+    """Settings files in the robot's folder that are not part of its model. Each is optional."""
     as_they_are: tuple[str, ...] = ()
-    """Names of soft inputs: they are used as they are, are not materialized for this asset, and their staleness does
-    not propagate. New content of them makes it stale."""
+    """Names of soft inputs. A soft input is used as it is: it is not materialized on demand, and its staleness does not
+    propagate. New content of it makes the asset stale."""
     names_robot: bool = False
-    """Whether the key has the robot's name although it is the default robot: a training is started by its name."""
+    """Whether the key has the robot's name also for the default robot, as the key of a training has."""
     shipped_policies: bool = False
-    """Whether it depends on the policies that ship with the robot."""
+    """Whether it depends on the policies shipped with the robot."""
     every_robot: bool = False
-    """Whether it depends on the folders of all robots: a log of hardware is of one of them."""
+    """Whether it depends on the folders of all robots: a hardware log can be of any robot."""
     walks_in_logs: bool = False
-    """Whether of the content of `hardware_trials` only the walks count that the exported policy of its robot made at
-    the speeds of `limit_cycles.yaml`."""
-    policies_at_hand: bool = False
-    """Whether it depends on the files of all policies at hand, of all robots: a log names its policy by digest."""
+    """Whether new content of `hardware_trials` makes it stale only if the walks of `digest_of_walks` changed."""
+    any_policy: bool = False
+    """Whether it depends on all available policies of all robots: a log names its policy by digest."""
 
     @property
     def key(self) -> dg.AssetKey:
@@ -71,30 +70,30 @@ class Plan:
         return code_version(*self.packages)
 
     def fingerprint(self, project: Project) -> str:
-        """Digest of the code, of the settings as the files say them now, and of the robot's folder."""
+        """Digest of the code, the current settings, the robot's folder and the policies that it depends on."""
         values = [settings.read_yaml(project.settings(name)) for name in self.settings_files]
         folder = project.robot_folder(self.robot or DEFAULT_ROBOT)
-        own = [path for path in (folder / name for name in self.robot_settings_files) if path.is_file()]
-        values += [settings.read_yaml(path) for path in own]
+        robot_settings = [path for path in (folder / name for name in self.robot_settings_files) if path.is_file()]
+        values += [settings.read_yaml(path) for path in robot_settings]
         robot = digest_of_robot(project, self.robot) if self.robot else None
         parts = [self.name, self.code_version(), values, robot]
         if self.shipped_policies:
             parts.append(digest_of_policies(project, self.robot or DEFAULT_ROBOT))
         if self.every_robot:
             parts.append(digest_of_robots(project))
-        if self.policies_at_hand:
+        if self.any_policy:
             paths = {path for name in project.robots for path in project.policy_files(name)}
             found = {digest.of_file_or_fault(path) for path in paths}
             parts.append(sorted(found))
         return digest.of_json(parts)[:FINGERPRINT_DIGITS]
 
-    def takes_as_it_is(self, parent: dg.AssetKey) -> bool:
-        """Whether an input is taken as it is."""
+    def is_soft_input(self, parent: dg.AssetKey) -> bool:
+        """Whether `parent` is a soft input (`as_they_are`)."""
         return parent.path[-1] in self.as_they_are
 
 
 def digest_of_robot(project: Project, robot: str) -> str:
-    """Digest of the files in a robot's folder; policies that ship there are not what the robot is."""
+    """Digest of the model and table files in a robot's folder, without the shipped policies."""
     folder, policies = project.robot_folder(robot), project.shipped_policies(robot)
     files = (path for path in folder.rglob("*") if path.suffix in {".xml", ".urdf", ".toml", ".csv"})
     return digest.of_files([path for path in files if policies not in path.parents], folder)
@@ -106,7 +105,7 @@ def digest_of_robots(project: Project) -> str:
 
 
 def digest_of_policies(project: Project, robot: str) -> str:
-    """Digest of what ships in a robot's `policies/`: of the heads, which state the digests of all else."""
+    """Digest of the policies shipped in a robot's `policies/`: of the JSON files, which hold digests of the rest."""
     folder = project.shipped_policies(robot)
     return digest.of_files(sorted(folder.rglob("*.json")), folder)
 
@@ -114,25 +113,26 @@ def digest_of_policies(project: Project, robot: str) -> str:
 def digest_of_walks(project: Project, robot: str) -> str:
     """Digest of the trials in which the exported policy of a robot walks at a speed of `limit_cycles.yaml`.
 
-    Trials, a policy or settings that can't be read count as none: they are stale themselves, or fail the asset.
+    Unreadable trials, policies or settings count as no trials: the inputs are then stale themselves, or the asset
+    fails.
     """
     from pipeline.hardware_logs import read_trial
     from pipeline.validation.limit_cycle_walks import steady_span
     from pipeline.validation.limit_cycles import LimitCycleSettings
 
-    walked: list[tuple[str, str]] = []
+    walks: list[tuple[str, str]] = []
     try:
         values = project.read("limit_cycles.yaml", LimitCycleSettings)
-        (served,) = project.store.load(key_of("exported_policy", robot).to_user_string()).settings.values()
-        policies = {served["digest"], served["files"]["policy.npz"]}
+        (exported,) = project.store.load(key_of("exported_policy", robot).to_user_string()).settings.values()
+        policies = {exported["digest"], exported["files"]["policy.npz"]}
         for entry in project.store.load(TRIALS.name).entries:
             if entry.numbers.get("robot") == robot and entry.numbers.get("policy_digest") in policies:
                 trial = read_trial(project.store.own_blobs.path(entry.blob))
                 if any(steady_span(trial, speed, values) is not None for speed in values.speeds_m_s):
-                    walked.append((entry.clip, entry.blob))
+                    walks.append((entry.clip, entry.blob))
     except (PipelineError, OSError):
         pass
-    return digest.of_json(sorted(walked))[:FINGERPRINT_DIGITS]
+    return digest.of_json(sorted(walks))[:FINGERPRINT_DIGITS]
 
 
 SOURCES, SELECTION, REPAIR, HARDWARE = "sources", "KP1_selection", "KP2_repair", "hardware_feedback"
@@ -149,10 +149,10 @@ SHARED = (
     Plan("selected_motions", SELECTION, ("selection", "feedback"), ("curation.yaml",)),
     Plan("repaired_motions", REPAIR, ("repair",), ("repair.yaml",)),
 )
-"""The stages that are the same for every robot."""
+"""Stages that all robots share."""
 
 TRIALS = Plan("hardware_trials", HARDWARE, ("hardware_logs",), ("hardware_logs.yaml",), every_robot=True)
-"""What is made of each log by itself."""
+"""Trials of each hardware log."""
 
 FIELD = (
     Plan(
@@ -161,7 +161,7 @@ FIELD = (
         ("failures", "feedback", "virtual_robot", "validation", "hardware_logs", "deployment", "actuators"),
         ("failures.yaml", "actuators.yaml"),
         every_robot=True,
-        policies_at_hand=True,
+        any_policy=True,
     ),
     Plan(
         "curation_feedback",
@@ -171,7 +171,7 @@ FIELD = (
     ),
     Plan("sim_to_real_report", HARDWARE, ("feedback",)),
 )
-"""What is made of the logs of hardware."""
+"""Assets that evaluate the hardware trials."""
 
 EXPORTS = {
     "mjlab": "mjlab_motions",
@@ -179,7 +179,7 @@ EXPORTS = {
     "lerobot": "lerobot_dataset",
     "rerun": "rerun_recordings",
 }
-"""Format of `booster-lab export` -> the asset that holds a robot's database in it. Nothing depends on them."""
+"""Format of `booster-lab export` -> asset with a robot's database in this format. No asset depends on them."""
 
 RELEASED = (
     "exported_policy",
@@ -193,11 +193,11 @@ RELEASED = (
     "hardware_trials",
     "sim_to_real_report",
 )
-"""What the release report is made from, as it is: it runs nothing, and says what was not run."""
+"""Soft inputs of the release report: it runs nothing, and lists what was not run."""
 
 _WALKS = ("validation", "deployment", "actuators")
 _BARS: dict[str, Any] = {"robot_settings_files": ("validation.yaml",)}
-"""A robot's thresholds for policies, in its folder."""
+"""The settings file with a robot's validation thresholds, in its folder."""
 
 _OF_ROBOT = (
     Plan("robot_model", ROBOT, ("robot",)),
@@ -253,12 +253,12 @@ _OF_ROBOT = (
 
 
 def robot_plans(robot: str) -> dict[str, Plan]:
-    """The assets of one robot by name. Training never starts by itself."""
+    """Name -> plan of each asset of one robot."""
     return {plan.name: dataclasses.replace(plan, robot=robot) for plan in _OF_ROBOT}
 
 
 def plans(project: Project) -> dict[dg.AssetKey, Plan]:
-    """Every asset of the graph by key."""
+    """Key -> plan of each asset of the graph, without external ones."""
     of_robots = [plan for robot in project.robots for plan in robot_plans(robot).values()]
     return {plan.key: plan for plan in (*SHARED, TRIALS, *FIELD, *of_robots)}
 
@@ -280,7 +280,7 @@ _OWN = {plan.name: plan for plan in (*_OF_ROBOT, *_EXTERNAL_OF_ROBOT)}
 
 
 def key_of(name: str, robot: str | None) -> dg.AssetKey:
-    """Key of an asset by its name: the robot's own one, or the one that all robots share."""
+    """Key of an asset by its name; `robot` has no effect for an asset that all robots share."""
     return _SHARED[name].key if name in _SHARED else dataclasses.replace(_OWN[name], robot=robot).key
 
 
@@ -288,13 +288,20 @@ def group_of(name: str, robot: str | None = None) -> str:
     """Group of an asset by the last part of its key.
 
     Args:
-        robot: whose asset it is; None for one that all robots share
+        robot: robot of the asset; None for an asset that all robots share
     """
     group = (_SHARED | _OWN)[name].group
     return group if robot is None else f"{robot}_{group}"
 
 
 def external(name: str, robot: str | None, what: str, deps: Sequence[dg.AssetKey] = ()) -> dg.AssetSpec:
-    """An asset that no function of the graph makes, versioned by content; `what` describes it."""
+    """Specification of an external asset: files from outside the graph, versioned by content.
+
+    Args:
+        name: last part of its key
+        robot: robot of the asset; None for an asset that all robots share
+        what: description in the web UI
+        deps: upstream assets
+    """
     group = group_of(name, robot)
     return dg.AssetSpec(key_of(name, robot), deps=deps, group_name=group, description=what, kinds={"file"})

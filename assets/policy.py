@@ -1,6 +1,6 @@
-"""`exported_policy`: the policy that validation and robot take, trained here or shipped with the project.
+"""`exported_policy`: the policy for validation and deployment, trained here or shipped with the project.
 
-`evaluated_policy` is the policy that a validation evaluates: the exported one, or an npz given by path.
+`evaluated_policy` returns the policy that a validation evaluates: the exported one, or an npz file of the run config.
 """
 
 from collections.abc import Collection, Sequence
@@ -24,7 +24,7 @@ from pipeline.validation.deployed import Deployed, deployed
 EXACT = "gives_the_networks_actions"
 MAY_SHIP = "may_ship"
 TRAINED, SHIPPED = "trained here", "ships with the project"
-"""Where an exported policy comes from; the two are never confused."""
+"""Origin of an exported policy."""
 
 
 VERDICT = "verdict"
@@ -32,28 +32,31 @@ VERDICT = "verdict"
 
 
 class NoPolicyError(PipelineError):
-    """There is no policy to serve."""
+    """There is no policy to export."""
 
 
 class ExportConfig(dg.Config):
-    """How the policy is marked."""
+    """Whether the policy is marked as shippable."""
 
     shippable: bool = False
-    """Mark a policy that was trained here as one that may ship. Refused where its database's licence forbids it."""
+    """Mark a policy that was trained here as shippable. Refused if the licence of its database forbids it."""
 
 
 @robot_asset(
     "onnx",
     deps=["amp_policy", "robot_model"],
-    checks={MAY_SHIP: "The licence of its expert database lets it ship."},
-    blocking={EXACT: "ONNX and TorchScript are the network's."},
+    checks={MAY_SHIP: "The policy is marked as shippable, which the licence of its expert database must allow."},
+    blocking={EXACT: "ONNX and TorchScript give the actions of the network within the tolerance."},
 )
 def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig, plan: Plan):
-    """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
+    """Exported walking policy: ONNX, TorchScript, golden vectors, model card, booster_deploy task.
+
+    It is the policy of the last full training here, or without one the policy shipped with the project.
+    """
     from pipeline.export.folder import read_export
 
     robot = plan.robot or DEFAULT_ROBOT
-    folder, origin = serve(PROJECT, robot, shippable=config.shippable)
+    folder, origin = export_current_policy(PROJECT, robot, shippable=config.shippable)
     export = read_export(folder, PROJECT.robot(robot))
     card = export.card
     context.log.info(f"policy '{card.name}' of run '{card.run.get('name')}': {origin}")
@@ -72,10 +75,10 @@ def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig, pla
     return result_of(plan, {card.digest: facts}, _export_metadata(export, origin), _export_checks(plan, card))
 
 
-def serve(project: Project, robot: str, *, shippable: bool) -> tuple[Path, str]:
-    """Folder of the policy to take, and where it comes from: a full training here, else the one that ships.
+def export_current_policy(project: Project, robot: str, *, shippable: bool) -> tuple[Path, str]:
+    """Export the policy of the last full training here, else the shipped one. Returns its folder and its origin.
 
-    Raises NoPolicyError where there is neither, ExportError where it is to be marked shippable and may not.
+    Raises NoPolicyError if there is neither, ExportError if it can't be marked as shippable.
     """
     from pipeline.export.folder import complete_export, export_policy, source_of_run
 
@@ -85,10 +88,10 @@ def serve(project: Project, robot: str, *, shippable: bool) -> tuple[Path, str]:
     if facts is None:
         shipped = project.shipped_policies(robot) / "walk"
         if not (shipped / "card.json").is_file():
-            do = f"dagster asset materialize --select {trained}"
+            command = f"dagster asset materialize --select {trained}"
             raise NoPolicyError(
-                f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
-                f"trained here in full. On a machine with a GPU: {do}"
+                f"there is no policy for '{robot}': none is shipped in {shipped.relative_to(project.root)}, and no "
+                f"full training was done here. On a machine with a GPU, run: {command}"
             )
         complete_export(shipped, folder, project.robot(robot), rng)
         return folder, SHIPPED
@@ -100,25 +103,25 @@ def serve(project: Project, robot: str, *, shippable: bool) -> tuple[Path, str]:
 
 
 def full_training(project: Project, trained: str) -> dict[str, Any] | None:
-    """The training that `amp_policy` recorded, if that was one and not a trial, and its network is still there."""
+    """Facts of the last run of `amp_policy`; None without a run, after a trial, or if the network file is gone."""
     if not project.store.manifest_path(trained).is_file():
         return None
     (facts,) = project.store.load(trained).settings.values()
-    there = (project.root / facts["folder"] / facts["policy"]).is_file()
-    return None if facts["trial"] or not there else facts
+    exists = (project.root / facts["folder"] / facts["policy"]).is_file()
+    return None if facts["trial"] or not exists else facts
 
 
-def served(manifest: Manifest) -> dict[str, Any]:
-    """What `exported_policy` recorded: `robot, name, origin, run, digest, database, shippable, folder, files`."""
+def export_facts(manifest: Manifest) -> dict[str, Any]:
+    """Facts that `exported_policy` recorded: `robot, name, origin, run, digest, database, shippable, folder, files`."""
     (facts,) = manifest.settings.values()
     return facts
 
 
-def served_policy(manifest: Manifest) -> Any:
-    """The network that `exported_policy` serves (`pipeline.deployment.Policy`)."""
+def stored_policy(manifest: Manifest) -> Any:
+    """The network of `exported_policy` (`pipeline.deployment.Policy`)."""
     from pipeline.export.folder import POLICY
 
-    return load_policy(PROJECT.root / served(manifest)["folder"] / POLICY)
+    return load_policy(PROJECT.root / export_facts(manifest)["folder"] / POLICY)
 
 
 def _export_metadata(export: Any, origin: str) -> dict[str, Any]:
@@ -126,26 +129,26 @@ def _export_metadata(export: Any, origin: str) -> dict[str, Any]:
     metadata: dict[str, Any] = {
         "policy": card.name,
         "origin": origin,
-        "made by run": str(card.run.get("name", "not stated")),
+        "training run": str(card.run.get("name", "not stated")),
         "digest": card.digest,
         "expert database": str(card.data.get("digest", "not stated")),
         "may ship": card.shippable,
-        "why": card.why,
-        "largest difference of ONNX": float(card.parity["onnx"]),
-        "largest difference of TorchScript": float(card.parity["torch_script"]),
+        "reason": card.why,
+        "largest action difference of ONNX": float(card.parity["onnx"]),
+        "largest action difference of TorchScript": float(card.parity["torch_script"]),
         "card": dg.MetadataValue.md(page(card)),
         "dagster/uri": dg.MetadataValue.path(str(export.folder)),
     }
     curves = curves_of(export.folder)
-    return metadata | ({"curves of the run that made it": curves["curves"]} if curves else {})
+    return metadata | ({"training curves": curves["curves"]} if curves else {})
 
 
 def _export_checks(plan: Plan, card: Any) -> list[dg.AssetCheckResult]:
     from pipeline.export.parity import TOLERANCE
 
     worst = max(card.parity["onnx"], card.parity["torch_script"])
-    exact = f"{worst:.1e} over {card.parity['observations']} observations, allowed {TOLERANCE:.0e}"
-    ships = f"{'marked' if card.shippable else 'not marked'} as one that may ship. {card.why}"
+    exact = f"largest difference {worst:.1e} over {card.parity['observations']} observations, allowed {TOLERANCE:.0e}"
+    ships = f"{'marked' if card.shippable else 'not marked'} as shippable. {card.why}"
     return [
         check_result(plan, EXACT, card.parity["times_allowed"] <= 1.0, exact, warn=False),
         check_result(plan, MAY_SHIP, card.shippable, ships),
@@ -156,25 +159,26 @@ class EvaluatedPolicyConfig(dg.Config):
     """The policy to evaluate."""
 
     policy: str = ""
-    """An npz to evaluate in place of the exported policy. The release report then calls it another policy's result."""
+    """Path of an npz file to evaluate instead of the exported policy. The release report then marks the result as
+    that of another policy."""
 
 
 def evaluated_policy(
     config: EvaluatedPolicyConfig, exported: Manifest, robot: str
 ) -> tuple[Deployed, ValidationSettings]:
-    """The policy that is meant on the adapted robot, and the robot's bars. Raises FileError, SettingsError."""
+    """The configured policy on the adapted robot, and the robot's thresholds. Raises FileError, SettingsError."""
     bars = PROJECT.validation(robot)
-    policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
+    policy = load_policy(Path(config.policy)) if config.policy else stored_policy(exported)
     return deployed(PROJECT.adapted_robot(robot), policy), bars
 
 
 def remove_earlier_logs(folder: Path, logs: Sequence[Path], tried: Collection[Path] | None = None) -> None:
-    """Remove the logs of an earlier verdict: feedback would learn from a cell that passes now.
+    """Remove failure logs of an earlier verdict, so that feedback does not use failures of cells that pass now.
 
     Args:
-        folder: where logs are
-        logs: those of this verdict
-        tried: logs that its cells would have if they failed; others stay. None: all cells were tried
+        folder: folder of the logs
+        logs: logs of this verdict, which are kept
+        tried: paths of the logs of all tried cells; other logs are kept. None: all cells were tried
     """
     for old in set(folder.glob("*.mcap")) - set(logs):
         if tried is None or old in tried:

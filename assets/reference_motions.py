@@ -1,4 +1,4 @@
-"""Variants of the retargeted motions (KP4), of all clips or some skills, and which are worth tracking (KP5)."""
+"""Variants of the retargeted motions (KP4), and the references for tracking: the feasible variants (KP5)."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -18,18 +18,24 @@ from pipeline.augment.mirror import mirror_skill
 from pipeline.augment.process import KINDS
 from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.feasibility.criteria_table import split
-from pipeline.feedback.approved import further_variants, noting
+from pipeline.feedback.approved import further_variants, with_applied_changes
 from pipeline.feedback.change import Change
 from pipeline.project import DEFAULT_ROBOT, PROJECT
 
 MakeVariants = Callable[[Any, Sequence[Entry]], Manifest]
-"""`make(settings, entries)`: the stage with these settings on these entries, on all where there are none."""
+"""`make(settings, entries)`: runs the stage with the settings on the entries; on all clips if empty."""
 
 
 def all_variants(retargeted: Manifest, values: Any, feedback: Sequence[Change], make: MakeVariants) -> Manifest:
-    """The variants of all clips by the settings `values`, and those that approved changes want of the clips of a skill.
+    """Make the variants of all clips, and the additional variants of single skills that approved changes request.
 
-    A variant of a mirror image is of the mirrored skill, so the clips on the skill's other side are worked on too.
+    Mirroring swaps left and right skills, so the clips of the mirrored skill are processed too.
+
+    Args:
+        retargeted: clips of `retargeted_motions`
+        values: settings for all clips (`AugmentSettings`)
+        feedback: approved changes of the section `augmentation`
+        make: runs the stage
     """
 
     manifest = make(values, ())
@@ -42,9 +48,9 @@ def all_variants(retargeted: Manifest, values: Any, feedback: Sequence[Change], 
 
 
 def with_further_variants(manifest: Manifest, made: Manifest, skill: str) -> Manifest:
-    """The manifest and the variants of a skill in another one; the clips of both are the same."""
-    there = {entry.clip for entry in manifest.entries}
-    new = [entry for entry in made.entries if entry.clip not in there and entry.numbers.get("skill") == skill]
+    """Add the variants of a skill from `made` to `manifest`; both are made from the same clips."""
+    known = {entry.clip for entry in manifest.entries}
+    new = [entry for entry in made.entries if entry.clip not in known and entry.numbers.get("skill") == skill]
     seconds = {entry.clip: float(entry.numbers.get("seconds", 0.0)) for entry in new}
     rows = {row.clip: row for row in made.judged}
     judged = []
@@ -74,18 +80,18 @@ def motion_variants(
     robot_model: Manifest,
     plan: Plan,
 ):
-    """KP4: each clip, its mirror image, both at other speeds, and other steps or postures by the settings."""
+    """KP4: variants of the retargeted clips by data/augment.yaml: mirrored, time-scaled, other steps and postures."""
 
     robot = PROJECT.robot(plan.robot or DEFAULT_ROBOT)
     values = PROJECT.read("augment.yaml", AugmentSettings)
     feedback = approved_part(PROJECT, "augmentation", plan.robot)
 
-    def make(wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
-        made_with = partial(process, settings=wanted, robot=robot)
-        stage = stage_of(plan, made_with, wanted)
+    def make(values: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
+        function = partial(process, settings=values, robot=robot)
+        stage = stage_of(plan, function, values)
         return run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
 
-    manifest = noting(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")
+    manifest = with_applied_changes(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")
     strengths = [each.number for each in KINDS.values()]
     metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | approval_metadata(feedback)
     return materialized(plan, manifest, metadata)
@@ -99,7 +105,11 @@ def reference_motions(
     adapted_robot: Manifest,
     plan: Plan,
 ):
-    """KP5: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
+    """KP5: variants that pass the feasibility criteria for references, which the tracking policy then follows.
+
+    Criteria (data/feasibility.yaml): joint limits, foot slip, floor penetration, self-collision, likeness to the human
+    motion.
+    """
     from pipeline.viewing.contact_sheet import worst_clips
 
     stage, _, robot = feasibility_stage(plan, references_of(motion_variants))

@@ -1,4 +1,4 @@
-"""`release_report`: one page from what is materialized, for a person to sign. It runs no check and starts nothing."""
+"""`release_report`: one page from the stored results, for a person to sign. It runs no check itself."""
 
 import base64
 import re
@@ -10,7 +10,7 @@ import numpy as np
 
 from assets.bootstrap import cause, stale_now
 from assets.plan import RELEASED, Plan, plans
-from assets.policy import served, served_policy
+from assets.policy import export_facts, stored_policy
 from assets.report import check_result, page_link, result_of, robot_asset
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
@@ -26,20 +26,21 @@ from pipeline.validation.deployed import deployed
 
 READY = "ready_to_sign"
 VERDICTS = ("mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles")
-"""Assets that evaluate the policy; each stores its verdict under the key `passed`."""
+"""Assets that evaluate the policy; each stores whether it passed under the key `passed`."""
 DATABASE = "expert_db"
 SPEEDS_M_S = (0.6, 2.0)
-"""Walks that are shown."""
+"""Commanded forward speeds of the pictures [m/s]."""
 LONGEST_FACT = 90
-"""Letters of a fact that goes into the lineage."""
+"""Maximum length of a metadata value in the lineage, in characters."""
 FACTS = 8
+"""Maximum number of metadata values per asset in the lineage."""
 
 PICTURE = re.compile(r"data:image/(png|gif);base64,([A-Za-z0-9+/=]+)")
 
 
 @robot_asset("html", deps=RELEASED, checks={READY: "Every check was run on this policy and passed."})
 def release_report(context: dg.AssetExecutionContext, plan: Plan):
-    """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
+    """Release report: policy card, data lineage, verdicts with reasons, pictures, missing checks, signature block."""
     robot = plan.robot or DEFAULT_ROBOT
     dossier = gather(context.instance, PROJECT, robot, released(robot), stale_now(context.instance, PROJECT))
     path = PROJECT.release_report(robot)
@@ -72,9 +73,17 @@ def gather(
     known: Mapping[str, Plan],
     stale: Mapping[dg.AssetKey, str],
 ) -> Dossier:
-    """What is materialized, as the page shows it."""
+    """Collect the stored results for the page.
+
+    Args:
+        instance: Dagster instance with the history
+        project: project with the store
+        robot: name of the robot
+        known: name -> plan of each asset on the page
+        stale: key of each stale asset -> the reason
+    """
     exported = _stored(project, known.get("exported_policy"))
-    facts = served(exported) if exported is not None else {}
+    facts = export_facts(exported) if exported is not None else {}
     events = {name: _last(instance, plan.key) for name, plan in known.items()}
     card, conditions = _card(project, robot, facts)
     return Dossier(
@@ -118,7 +127,7 @@ def _verdict(
 
 
 def failed_since(instance: dg.DagsterInstance, key: dg.AssetKey) -> str:
-    """That the last run of an asset failed in its own step, and why; empty if it did not."""
+    """A message if the last run of an asset failed in the asset's own step; empty if it did not."""
     planned = instance.get_latest_planned_materialization_info(key)
     made = instance.get_latest_materialization_event(key)
     if planned is None or (made is not None and made.run_id == planned.run_id):
@@ -132,15 +141,15 @@ def failed_since(instance: dg.DagsterInstance, key: dg.AssetKey) -> str:
 
 
 def result_in(manifest: Manifest) -> dict[str, Any]:
-    """What a check found: the one entry of its manifest that says whether it passed. Without one it was not run."""
+    """Verdict of a validation: the entry of its manifest with the key `passed`. Not exactly one: it was not run."""
     results = [value for value in manifest.settings.values() if isinstance(value, dict) and "passed" in value]
     if len(results) == 1:
         return results[0]
-    return {"passed": None, "not_run": f"its result says {len(results)} times whether it passed"}
+    return {"passed": None, "not_run": f"its result has {len(results)} verdicts instead of one"}
 
 
 def pictures_in(event: dg.AssetMaterialization | None) -> tuple[Picture, ...]:
-    """The pictures on the page of an asset's last materialization."""
+    """The pictures in the metadata of an asset's last materialization."""
     found = []
     for name, value in (event.metadata if event is not None else {}).items():
         if isinstance(value, dg.MarkdownMetadataValue):
@@ -150,7 +159,7 @@ def pictures_in(event: dg.AssetMaterialization | None) -> tuple[Picture, ...]:
 
 
 def _stored(project: Project, plan: Plan | None) -> Manifest | None:
-    """The current result of an asset; None where there is none that can be read."""
+    """The stored result of an asset; None if there is none or it is unreadable."""
     if plan is None:
         return None
     try:
@@ -167,7 +176,14 @@ def _last(instance: dg.DagsterInstance, key: dg.AssetKey) -> dg.AssetMaterializa
 def _lineage(
     plan: Plan, event: dg.AssetMaterialization | None, stale: Mapping[dg.AssetKey, str], trained_on: str
 ) -> Origin:
-    """An asset in place; `trained_on`: of the database, the digest of the one that the policy was trained on."""
+    """Row of the lineage for an asset.
+
+    Args:
+        plan: plan of the asset
+        event: its last materialization; None without one
+        stale: key of each stale asset -> the reason
+        trained_on: for the database, the digest of the version that the policy was trained on; else empty
+    """
     asset = plan.key.to_user_string()
     if event is None:
         return Origin(asset=asset, version="none", remark="never materialized here")
@@ -187,7 +203,7 @@ def _lineage(
 def _card(
     project: Project, robot: str, facts: Mapping[str, Any]
 ) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
-    """Rows of the model card, and what holds for the policy's use."""
+    """Rows of the model card, and the conditions for the use of the policy."""
     if not facts:
         return (("policy", "none was exported"),), ()
 
@@ -197,17 +213,17 @@ def _card(
     conditions = [
         f"licence of its data, {licence.get('strictest', 'unknown')}: {licence.get('allowed_use', 'not stated')}",
         f"may ship with the project: {'yes' if card.shippable else 'no'}",
-        "all figures are of simulation, unless a log of a robot is named",
+        "all figures are from simulation, unless a robot log is named",
     ]
     return tuple((name, str(value)) for name, value in rows.items()), tuple(conditions)
 
 
 def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
-    """The policy walking in MuJoCo at some speeds: two seconds moving, and a contact sheet of the same."""
+    """Pictures of the policy in MuJoCo at `SPEEDS_M_S`: an animation of two seconds and a contact sheet for each."""
     from pipeline.viewing.contact_sheet import LARGE, contact_sheet, walk_gif
     from pipeline.viewing.playlist import Shown
 
-    one = deployed(PROJECT.adapted_robot(robot), served_policy(exported))
+    one = deployed(PROJECT.adapted_robot(robot), stored_policy(exported))
     pictures = []
     for speed in SPEEDS_M_S:
         walked = one.walk(
@@ -230,6 +246,6 @@ def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
 
 
 def released(robot: str) -> dict[str, Plan]:
-    """Plans of the assets that the page is made from and that the graph has, in the page's order."""
+    """Name -> plan of each asset on the page, in the order of the page."""
     by_name = {plan.name: plan for plan in plans(PROJECT).values() if plan.robot in (None, robot)}
     return {name: by_name[name] for name in RELEASED if name in by_name}

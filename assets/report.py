@@ -1,4 +1,4 @@
-"""What assets declare and report: result, checks, metadata, tables, pictures, links, and errors of one sentence."""
+"""Definition of assets from plans, and their results: checks, metadata, tables, pictures, links, errors."""
 
 import base64
 import functools
@@ -34,17 +34,20 @@ def asset_of(
     specs: Callable[[Plan], list[dg.AssetCheckSpec]] = lambda plan: [],
     **others: Any,
 ) -> Callable[[Callable[..., Any]], dg.AssetsDefinition]:
-    """`dg.asset` with what follows from the plan. An error of the project is a Failure with its sentence.
+    """`dg.asset` with key, group, code version, tags and checks from the plan.
 
-    An argument of the function that is a `Manifest` is an input, the asset of that name; `plan` is the plan.
+    An argument of the function with the annotation `Manifest` is an input: the asset with the argument's name. The
+    argument `plan` is the plan. A PipelineError fails the run with its message and without a traceback.
 
     Args:
-        kind: what it is made with, as the graph shows it
-        kp: number of its key problem
-        deps: further assets that it depends on, as keys, or as names of assets of the same robot or of all robots
-        checks: checks that it declares, name -> description; those of `blocking` stop what is downstream
-        specs: further checks by the plan
-        others: of `dg.asset`
+        plan: plan of the asset
+        kind: label of the technology in the graph
+        kp: number of the key problem that it solves
+        deps: further dependencies: keys, or names of assets of the same robot or of all robots
+        checks: name -> description of each check
+        blocking: the same for checks that block downstream assets if they fail
+        specs: makes further checks from the plan
+        others: further arguments of `dg.asset`
     """
     named = [(blocking or {}, True), (checks or {}, False)]
     declared = [
@@ -76,7 +79,10 @@ def asset_of(
 def robot_asset(
     kind: str, kp: str = "", **others: Any
 ) -> Callable[[Callable[..., Any]], Callable[[Plan], dg.AssetsDefinition]]:
-    """`asset_of` for an asset that every robot has: the function, whose name is the asset's, becomes its factory."""
+    """`asset_of` for an asset that every robot has: turns the function into a factory that takes the robot's plan.
+
+    The name of the function is the name of the asset. Arguments as for `asset_of`.
+    """
 
     def decorate(function: Callable[..., Any]) -> Callable[[Plan], dg.AssetsDefinition]:
         return functools.wraps(function)(lambda plan: asset_of(plan, kind, kp, **others)(function))
@@ -85,7 +91,7 @@ def robot_asset(
 
 
 def assets_of(robot: str, factories: Sequence[Callable[[Plan], dg.AssetsDefinition]]) -> list[dg.AssetsDefinition]:
-    """The assets of a robot that factories (`robot_asset`) make."""
+    """The assets of a robot, made by their factories (`robot_asset`)."""
     plans = robot_plans(robot)
     return [make(plans[make.__name__]) for make in factories]
 
@@ -99,9 +105,15 @@ def result_of(
     faults: int = 0,
     tags: Mapping[str, str] | None = None,
 ) -> dg.MaterializeResult:
-    """The result that Dagster records: content as data version, fingerprint and faults as tags; tables come last.
+    """Result for Dagster: the digest of the manifest as data version, fingerprint and faults as tags.
 
-    What is made is a manifest, or the settings of one without clips.
+    Args:
+        plan: plan of the asset
+        made: the manifest, or for an asset without clips only its settings
+        metadata: rows of the asset's page; tables are moved to the end
+        checks: results of the checks
+        faults: number of clips or logs lost to an unexpected error
+        tags: further tags
     """
     manifest = made if isinstance(made, Manifest) else Manifest(stage=plan.name, entries=(), judged=(), settings=made)
     return dg.MaterializeResult(
@@ -117,12 +129,15 @@ def result_of(
 def check_result(
     plan: Plan, name: str, passed: bool, found: str, more: Mapping[str, Any] | None = None, *, warn: bool = True
 ) -> dg.AssetCheckResult:
-    """The result of a check.
+    """Result of a check.
 
     Args:
-        found: what it found
+        plan: plan of the asset
+        name: name of the check
+        passed: whether it passed
+        found: findings, in one line
         more: further metadata
-        warn: whether a failed check is a warning, not an error
+        warn: whether failure is a warning instead of an error
     """
     return dg.AssetCheckResult(
         asset_key=plan.key,
@@ -134,13 +149,16 @@ def check_result(
 
 
 MAX_ROWS = 200
-"""Rows of a table that are shown; the manifest has all."""
+"""Maximum number of rows of a table in the web UI; the manifest has all rows."""
 
 
 def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: str = "") -> dict[str, Any]:
-    """Counts, seconds and reasons of a stage, and its clips with the named numbers, the worst first.
+    """Counts, seconds and reasons of a stage, a table of verdicts (rejected clips first) and one of the kept clips.
 
-    Clips that are kept are in the manifest's order, or those with the largest number `highest_first` come first.
+    Args:
+        manifest: result of the stage
+        columns: numbers of the kept clips to show
+        highest_first: number by which the kept clips are sorted in descending order; empty: order of the manifest
     """
     fates, judged = manifest.fates(), manifest.judged_table([])
     order = [("rejected", "partly", "accepted").index(fate) for fate in judged["fate"]]
@@ -159,7 +177,7 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
         "clips recomputed": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
         "verdict on each clip": table_of(worst_first, ["clip", "fate", "seconds_in", "seconds_out", "reasons"]),
-        "what went on": table_of(entries, ["clip", "skill", "seconds", *columns]),
+        "kept clips": table_of(entries, ["clip", "skill", "seconds", *columns]),
     }
     for effect in ("rejected", "repaired", "noted"):
         counts = manifest.reason_counts(effect)
@@ -172,10 +190,10 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
 def table_of(
     rows: pd.DataFrame | Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
 ) -> dg.TableMetadataValue:
-    """A table of the named columns (those that are there) or of all, at most `MAX_ROWS` rows."""
+    """A table of the named columns, as far as they exist, or of all columns; at most `MAX_ROWS` rows."""
     frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(rows)
-    wanted = dict.fromkeys(frame.columns if columns is None else columns)
-    shown = frame[[name for name in wanted if name in frame.columns]].head(MAX_ROWS)
+    names_in_order = dict.fromkeys(frame.columns if columns is None else columns)
+    shown = frame[[name for name in names_in_order if name in frame.columns]].head(MAX_ROWS)
     names = [str(name) for name in shown.columns]
     records = [
         dg.TableRecord({name: _cell(value) for name, value in zip(names, row, strict=True)})
@@ -192,36 +210,37 @@ def _cell(value: Any) -> str:
 
 
 def picture(png: bytes) -> dg.MarkdownMetadataValue:
-    """A PNG inside the event, for `Show Markdown`."""
+    """A PNG embedded in the metadata; the web UI shows it on `Show Markdown`."""
     return dg.MetadataValue.md(f"![picture](data:image/png;base64,{base64.b64encode(png).decode()})")
 
 
 ADDRESS = "http://127.0.0.1:8090"
-"""Where `booster-lab curate` serves unless another port is named."""
+"""Default address of the server of `booster-lab curate`."""
 
 
 def curator_link(page: str) -> dict[str, dg.MarkdownMetadataValue]:
-    """The metadata row of a link: `databases`, `proposals`, or `?stage=…` for the clips of a stage."""
+    """Metadata row with a link to the curator's `databases`, `proposals`, or `?stage=…` for the clips of a stage."""
     return page_link(f"#/{quote(page, safe='?=&')}", "curator's page")
 
 
 def page_link(path: str, name: str) -> dict[str, dg.MarkdownMetadataValue]:
-    """The metadata row of a link to a path of the curator's server."""
+    """Metadata row with a link to a path of the curator's server."""
     link = f"{ADDRESS}/{path}"
     return {name: dg.MetadataValue.md(f"[{link}]({link}) (start it with `booster-lab curate`)")}
 
 
 def joint_table(robot: Robot) -> pd.DataFrame:
-    """One row a joint: limits, gains, armature, as joints.csv names them. rad, rad/s, N m, kg m2."""
+    """One row per joint: limits, gains and armature under the names of joints.csv [rad, rad/s, N m, kg m^2]."""
     columns = {column: getattr(robot, name) for name, column in COLUMNS.items()}
     return pd.DataFrame({"joint": robot.joint_names, **{name: list(values) for name, values in columns.items()}})
 
 
 def stop(sentence: str) -> NoReturn:
-    """Fail a run so that a sentence is what its events begin and end with, in a terminal and in the web UI.
+    """Fail a run with one message and no traceback, in the terminal and in the web UI.
 
-    Dagster lists its own frames below whatever is raised, a dg.Failure too. Of a step's error of user code it leaves
-    them out and shows the cause as well, which here has no frames because it is not itself what is raised.
+    Dagster prints its own stack frames below any raised exception, also below a dg.Failure. For a
+    DagsterUserCodeExecutionError it omits them and prints the cause, which here has no frames because it is not raised
+    itself.
     """
     cause = dg.Failure(sentence, allow_retries=False)
     try:
@@ -234,7 +253,7 @@ def stop(sentence: str) -> NoReturn:
 
 @contextmanager
 def as_failure() -> Iterator[None]:
-    """Stop the run with the message of a PipelineError or TrainingError."""
+    """Turn a PipelineError or TrainingError into a failure of the run with its message."""
     try:
         yield
     except (PipelineError, TrainingError) as error:
@@ -242,7 +261,7 @@ def as_failure() -> Iterator[None]:
 
 
 def _body(function: Callable[..., Any], plan: Plan) -> Callable[..., Any]:
-    """The body of an asset within `as_failure`; an argument `plan` is the asset's plan. The body may be a generator."""
+    """Wrap the function or generator of an asset in `as_failure`, and pass the plan to its argument `plan`."""
     signature = inspect.signature(function)
     given = {"plan": plan} if "plan" in signature.parameters else {}
 

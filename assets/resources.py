@@ -1,4 +1,4 @@
-"""What runs need: the pool of processes for clips, and the store as an IO manager that brings inputs up to date."""
+"""Dagster resources: the process pool for clips, and the store as an IO manager that updates stale inputs."""
 
 import fcntl
 import os
@@ -17,28 +17,28 @@ from pipeline.project import PROJECT
 
 
 class ClipPoolResource(dg.ConfigurableResource):
-    """How the clips of an asset are spread over processes, on this machine or on a Dask cluster (`ClipPool`)."""
+    """Distribution of the clips of a stage over processes, on this machine or on a Dask cluster (`ClipPool`)."""
 
     backend: str = "loky"
     """`loky`: processes on this machine; `sequential`: the run's own process; `dask`: workers of a cluster."""
     workers: int = 0
-    """Number of processes on this machine; 0 means one a core."""
+    """Number of processes on this machine; 0: one per core."""
     address: str = ""
-    """Of `dask`: the scheduler's address; empty for a cluster of worker processes on this machine."""
+    """Address of the Dask scheduler; empty: a local cluster on this machine."""
 
     def pool(self) -> ClipPool:
         return ClipPool(backend=self.backend, workers=self.workers, address=self.address)
 
 
 class StoreIOManager(dg.ConfigurableIOManager):
-    """Manifests in the project's store. Before the first step of a run, what is missing or stale upstream is made.
+    """IO manager for manifests in the project's store. Before the first step of a run, it updates stale inputs.
 
-    It happens here because resources are set up before Dagster notes the versions of a step's inputs. One run
-    works on the store at a time; a second one waits. A training leaves it to others (`store_left_to_others`).
+    The update is here because Dagster initializes resources before it records the versions of a step's inputs. One run
+    holds the store at a time; a second one waits. A training releases it meanwhile (`store_released`).
     """
 
     bootstrap: bool = True
-    """Materialize what is missing or stale upstream of a run's assets first. Off: use what is there."""
+    """First materialize missing and stale upstream assets. Off: use the stored results."""
 
     @contextmanager
     def yield_for_execution(self, context: dg.InitResourceContext) -> Iterator["StoreIOManager"]:
@@ -65,12 +65,12 @@ class StoreIOManager(dg.ConfigurableIOManager):
 
 @contextmanager
 def _one_run_at_a_time(context: dg.InitResourceContext) -> Iterator[None]:
-    """A lock on the store, released by the system when the process dies."""
+    """Hold the lock on the store; the operating system releases it when the process ends."""
     path = PROJECT.store.root / LOCK
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+") as stream:
         held = (stream, f"run {context.run_id} (process {os.getpid()})")
-        _take(*held, context.log)
+        _acquire(*held, context.log)
         _HELD.append(held)
         try:
             yield
@@ -83,11 +83,10 @@ _HELD: list[tuple[IO[str], str]] = []
 
 
 @contextmanager
-def store_left_to_others(log: Any) -> Iterator[None]:
-    """Release the store to other runs while the context lasts; then wait for it and take it again.
+def store_released(log: Any) -> Iterator[None]:
+    """Release the lock on the store during the context, then acquire it again.
 
-    For work that lasts long and changes nothing in the store. The caller checks afterwards whether its inputs have
-    changed.
+    For long work that does not change the store. The caller has to check afterwards whether its inputs changed.
     """
     held = tuple(_HELD)
     for stream, _ in held:
@@ -97,11 +96,11 @@ def store_left_to_others(log: Any) -> Iterator[None]:
         yield
     finally:
         for each in held:
-            _take(*each, log)
+            _acquire(*each, log)
 
 
-def _take(stream: IO[str], holder: str, log: Any) -> None:
-    """Lock the store's file, waiting for who has it, and record the new holder."""
+def _acquire(stream: IO[str], holder: str, log: Any) -> None:
+    """Lock the store's file, waiting for the current holder, and write the new holder to it."""
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""The stages of one robot, from one factory: a robot is a folder in `robots/`, no stage knows which."""
+"""The stages of one robot: model, KP3 (retargeting), KP5 (feasibility). The same factories serve every robot."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES, by_co
 from pipeline.feasibility.coverage import NEEDED, WHERE_THERE
 from pipeline.feasibility.criteria_table import split, with_origins
 from pipeline.feasibility.evaluated import criteria_of_pieces, together, with_evaluated, without_evaluated
-from pipeline.feedback.approved import noting
+from pipeline.feedback.approved import with_applied_changes
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.project import DEFAULT_ROBOT, PROJECT
@@ -51,14 +51,14 @@ EFFECTIVE_SECONDS = (
     *("axis", "low", "high", "low_2", "high_2", "seconds", "clips", "families"),
     *("effective_seconds_before", "effective_seconds"),
 )
-"""Columns of the table of command cells: what their seconds count for before weighting and after."""
+"""Columns of the table of command cells, with their effective seconds before and after weighting."""
 
 COMMANDS = "commands that weights are spread over"
-"""Stage name under which a manifest says the command cells."""
+"""Stage name of the entry of a manifest that holds the command cells."""
 
 
 def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
-    """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
+    """Assets of the robot in `robots/<robot>`, from its model to its database."""
     factories = (
         *(robot_model, actuator_calibration, adapted_robot, retargeted_motions, motion_variants, reference_motions),
         *(tracking_policy, augmented_motions, feasible_motions, expert_db),
@@ -68,7 +68,7 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
 
 @robot_asset("mujoco", blocking={"models_agree": MODELS_AGREE})
 def robot_model(context: dg.AssetExecutionContext, plan: Plan):
-    """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
+    """Nominal robot model: MJCF, URDF and tables of joints, limits, gains, armatures and collision shapes."""
     robot = PROJECT.robot(plan.robot or DEFAULT_ROBOT)
     facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
     check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
@@ -83,7 +83,10 @@ def retargeted_motions(
     robot_model: Manifest,
     plan: Plan,
 ):
-    """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
+    """KP3: human motions retargeted onto the robot by inverse kinematics.
+
+    Recordings of the same robot pass unchanged; recordings of other robots are rejected.
+    """
     from pipeline.retarget import RetargetSettings
     from pipeline.retarget.process import onto_robot
 
@@ -99,13 +102,13 @@ def retargeted_motions(
 
 
 STORED = "stored_as_evaluated"
-BYTES_HOLD = (
-    "Every accepted clip is in the store under the digest of its bytes, and reading and writing it again gives the "
-    "same bytes: what is stored is what was evaluated."
+STORED_TEXT = (
+    "Every accepted clip is stored under the digest of its bytes, and reading and writing it again gives the same "
+    "bytes, so that the stored clip is the evaluated one."
 )
 
 
-@robot_asset("mujoco", "5", deps=["approved_weights"], specs=check_specs, blocking={STORED: BYTES_HOLD})
+@robot_asset("mujoco", "5", deps=["approved_weights"], specs=check_specs, blocking={STORED: STORED_TEXT})
 def feasible_motions(
     context: dg.AssetExecutionContext,
     clip_pool: ClipPoolResource,
@@ -114,7 +117,10 @@ def feasible_motions(
     adapted_robot: Manifest,
     plan: Plan,
 ):
-    """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
+    """KP5: motions that the robot can execute: a value, a limit and a verdict for each criterion, and sampling weights.
+
+    The weights balance the clips over the command space. data/feasibility.yaml has the criteria.
+    """
     from pipeline.viewing.contact_sheet import worst_clips
     from pipeline.viewing.plots import command_seconds, lost_seconds
 
@@ -127,7 +133,7 @@ def feasible_motions(
     candidates = candidate_motions(augmented_motions, reference_motions, kind)
     stage, values, robot = feasibility_stage(plan, references_of(candidates, reference_motions))
     references = robot_plans(robot.name)["reference_motions"]
-    evaluated = criteria_at_hand(references) if kind != "rollouts" else None
+    evaluated = criteria_of_references(references) if kind != "rollouts" else None
     pieces = set() if evaluated is None else set(evaluated["piece"].cat.categories)
     rest, known = without_evaluated(candidates, stage, pieces)
     if known:
@@ -138,33 +144,35 @@ def feasible_motions(
         own = with_origins(criteria_of_pieces(evaluated, known), thresholds())
         manifest, criteria = with_evaluated(manifest, stage, known), together([criteria, own])
     manifest = without_excluded(manifest, curation.decisions)
-    damaged = PROJECT.store.damaged(manifest, clip_pool.pool())  # awaited at the end
-    manifest = _weighed(manifest, values, commands)
+    damaged = PROJECT.store.damaged(manifest, clip_pool.pool())  # the result is awaited at the end
+    manifest = _balanced(manifest, values, commands)
     feedback = approved_part(PROJECT, "weights", plan.robot)
-    manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
-    manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values, commands)
+    manifest = with_applied_changes(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
+    manifest, reweighted = _reweighed(with_applied_changes(manifest, feedback, "weights"), feedback, values, commands)
     metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
     metadata |= (
         approval_metadata(feedback) | reweighted | write_table(plan, criteria, manifest) | {"expert motions": kind}
     )
     metadata |= _variations(augmented_motions, manifest)
     if manifest.entries:
-        spent = by_command(manifest.entry_table(["seconds", *VELOCITIES, SECONDS_COLUMN]))
-        metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
+        by_cell = by_command(manifest.entry_table(["seconds", *VELOCITIES, SECONDS_COLUMN]))
+        metadata["coverage"] = picture(command_seconds(by_cell, "robot speed, feasible clips"))
         cells = coverage(manifest.entry_table([*NEEDED, *WHERE_THERE]), values.balance, commands).cells
         metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
     metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table([]), "KP5: clips that lost most"))
     metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
-    changed_since = [*damaged]
-    what = ", ".join(changed_since) or f"{len(manifest.entries)} clips are stored as evaluated"
-    check = check_result(plan, STORED, not changed_since, what, warn=False)
+    damaged_clips = [*damaged]
+    what = ", ".join(damaged_clips) or f"{len(manifest.entries)} clips are stored as evaluated"
+    check = check_result(plan, STORED, not damaged_clips, what, warn=False)
     result = materialized(plan, manifest, metadata)
     return result._replace(check_results=[*result.check_results, check])
 
 
-def criteria_at_hand(references: Plan) -> pd.DataFrame | None:
-    """What KP5 found on the references; None where its table is damaged, missing or not that of the stored references:
-    they are evaluated again."""
+def criteria_of_references(references: Plan) -> pd.DataFrame | None:
+    """Stored criteria of the references.
+
+    None if the table is missing, damaged, or not of the stored references; they are then evaluated again.
+    """
     manifest = PROJECT.store.manifest_path(references.key.to_user_string())
     path = criteria_table.path_beside(manifest)
     try:
@@ -174,14 +182,14 @@ def criteria_at_hand(references: Plan) -> pd.DataFrame | None:
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:
-    """Whether no reference was rolled out, for want of a tracker."""
+    """Whether the references were not rolled out, because there is no tracker."""
     return bool(references.entries) and not rollouts.judged
 
 
 def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Manifest:
     """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`.
 
-    A reference that its rollout showed to be at fault (`pipeline.tracking.neighbours`) is no candidate either.
+    References that their rollouts showed to be faulty (`pipeline.tracking.neighbours`) are excluded.
     """
     if kind == "rollouts":
         return rollouts
@@ -199,20 +207,20 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
 
 def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
-    """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
+    """Accepted disturbed rollouts per source clip, and their distances from the references."""
     found = accepted_variations(rollouts, feasible) if rollouts.judged else pd.DataFrame()
     if found.empty:
         return {}
     accepted, tried = found["accepted"].tolist(), found["tried"].tolist()
     return {
-        "disturbed rollouts accepted": f"{sum(accepted)} of {sum(tried)}, at least {min(accepted)} a source clip",
-        "disturbed rollouts accepted, each source clip": table_of(found),
+        "disturbed rollouts accepted": f"{sum(accepted)} of {sum(tried)}, at least {min(accepted)} per source clip",
+        "disturbed rollouts accepted, per source clip": table_of(found),
         "distance of disturbed rollouts from their references": table_of(distances(feasible)),
     }
 
 
-def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
-    """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
+def _balanced(manifest: Manifest, values: Any, commands: Any) -> Manifest:
+    """Add each clip's weight and family to KP5's result, and the command cells to its settings."""
     made = balance(manifest.entry_table(READ), values.balance, commands)[["clip", "weight", "family"]]
     facts = {"stage": COMMANDS, **settings.plain(commands)}
     named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(facts): facts})
@@ -224,7 +232,7 @@ def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
 def _reweighed(
     manifest: Manifest, feedback: Sequence[Any], values: Any, commands: Any
 ) -> tuple[Manifest, dict[str, Any]]:
-    """KP5's result with approved factors on command cells, and what became of each cell; as it is without any."""
+    """Apply approved factors on command cells to the weights. Returns the result and a table of the cells."""
     if not feedback or not manifest.entries:
         return manifest, {}
 

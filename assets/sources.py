@@ -23,15 +23,15 @@ DATA_VERSION_TAG = "dagster/data_version"
 
 SOURCES_NAME = "motion_sources"
 SOURCES = dg.DynamicPartitionsDefinition(name=SOURCES_NAME)
-"""A partition for each source of motions; all shards of a manifest are of one source."""
+"""One partition per source of motions; a shard of a manifest belongs to one source."""
 
-FOLDERS = "The folders of motion files named in data/sources.yaml and in BOOSTER_LAB_MOTIONS, by content."
+FOLDERS = "The motion folders named in data/sources.yaml and in BOOSTER_LAB_MOTIONS, versioned by content."
 raw_motions = external("raw_motions", None, FOLDERS)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motions:
-    """The motion files of all sources, as they are now."""
+    """The current motion files of all sources."""
 
     project: Project
     sources: SourcesInUse
@@ -40,13 +40,13 @@ class Motions:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Name of a source -> how many motion files it holds."""
+        """Name of a source -> number of its motion files."""
         return {name: len(paths) for name, paths in self.paths.items()}
 
     def files(self) -> list[tuple[str, Path, str, tuple]]:
-        """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`.
+        """Every motion file: `(clip name, path, digest of all its inputs, (source, path in it))`.
 
-        What may hold a robot's motion is also read with what the folders of all robots say.
+        The inputs of a file that may hold a robot's motion include the folders of all robots.
         """
         files, robots = [], digest_of_robots(self.project)
         for source in self.sources.all:
@@ -63,17 +63,17 @@ class Motions:
         return files
 
     def warnings(self) -> list[str]:
-        """A sentence for each source that only an earlier run was given."""
+        """A message for each source that only an earlier run named."""
         return [
             f"source '{source.name}' ({source.folder}, {len(self.paths[source.name])} motion files) is used because an "
-            f"earlier run was given it; {VARIABLE} does not name it now. Name it in data/sources.yaml to keep it, or "
-            f"take its clips out: booster-lab sources forget {source.name}"
+            f"earlier run used it; {VARIABLE} does not name it now. Add it to data/sources.yaml to keep it, or remove "
+            f"its clips: booster-lab sources forget {source.name}"
             for source in self.sources.remembered
         ]
 
 
 def find_motions(project: Project) -> Motions:
-    """The motion files of all sources. Raises SourceLostError where one that earlier runs used is not there."""
+    """Find the motion files of all sources. Raises SourceLostError if a source of an earlier run is gone."""
     sources = project.sources()
     paths = {source.name: list_motion_files(source) for source in sources.all}
     found = Motions(project=project, sources=sources, paths=paths)
@@ -82,12 +82,12 @@ def find_motions(project: Project) -> Motions:
 
 
 def remember_sources(project: Project, motions: Motions) -> None:
-    """Record the sources of a run in the store, so that a later run without one of them is an error."""
+    """Record the sources in the store, so that a later run without one of them fails."""
     remember(project.remembered_sources, motions.sources, motions.counts)
 
 
 def note_sources(instance: dg.DagsterInstance, names: Sequence[str]) -> None:
-    """Make the sources the partitions that Dagster offers."""
+    """Make the partitions of `SOURCES` equal to the given source names."""
     known = instance.get_dynamic_partitions(SOURCES_NAME)
     if new := [name for name in names if name not in known]:
         instance.add_dynamic_partitions(SOURCES_NAME, new)
@@ -96,12 +96,12 @@ def note_sources(instance: dg.DagsterInstance, names: Sequence[str]) -> None:
 
 
 def source_notes(project: Project) -> list[str]:
-    """What a person should know of the sources: files that are not read, folders and patterns that hold nothing."""
+    """Warnings on the sources: files that are not read, empty folders, patterns without a match."""
     return [text for source in project.sources().all for text in source_warnings(source, list_files(source))]
 
 
 def motions_version(project: Project) -> tuple[str, dict[str, Any]]:
-    """Digest of the source folders' content, and what is noted of them in the history."""
+    """Digest of the content of the source folders, and the metadata that Dagster's history records with it."""
     motions = find_motions(project)
     files = motions.files()
     version = digest.of_json([(name, content) for name, _, content, _ in files])

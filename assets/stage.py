@@ -1,4 +1,4 @@
-"""What every clip stage does around its pure function: the stage's versions in, the result with its evidence out."""
+"""Steps that all clip stages share: the stage with its versions, and the result with checks and metadata."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -35,10 +35,16 @@ def stage_of(
     name: str = "",
     robot_files: str | None = None,
 ) -> Stage:
-    """The stage of an asset with its settings `values` (a settings dataclass, or None).
+    """The stage of an asset.
 
-    `name` is for a second question that the asset asks of its clips; `robot_files` is the digest of the robot where it
-    is not the one of the robot's folder.
+    Args:
+        plan: plan of the asset
+        function: pure function of a clip (docs/architecture.md)
+        values: settings dataclass, or None
+        prepare: see `pipeline.batch.Stage`
+        together: see `pipeline.batch.Stage`
+        name: name of the stage if the asset has more than one
+        robot_files: digest of the robot, if it is not that of the robot's folder
     """
     if plan.robot and robot_files is None:
         robot_files = digest_of_robot(PROJECT, plan.robot)
@@ -55,10 +61,13 @@ def stage_of(
 
 
 def feasibility_stage(plan: Plan, tracked: StoredReferences) -> tuple[Stage, FeasibilitySettings, Robot]:
-    """KP5 on a robot with its calibrated motors: the stage, its settings scaled to the robot, and that robot.
+    """KP5 on the adapted robot: the stage, its settings scaled to the robot's size, and the robot.
 
-    The references and what the database is made of are evaluated by it alike, so that what holds for a reference is
-    not evaluated again. `tracked` are the motions that rollouts among the clips followed.
+    `reference_motions` and `feasible_motions` share it, so that the second reuses the first one's results.
+
+    Args:
+        plan: plan of the asset
+        tracked: references of the rollouts among the clips
     """
     robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
     values = scaled(PROJECT.read("feasibility.yaml", FeasibilitySettings), robot)
@@ -68,19 +77,19 @@ def feasibility_stage(plan: Plan, tracked: StoredReferences) -> tuple[Stage, Fea
 
 
 def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) -> dg.MaterializeResult:
-    """The result of a stage with its checks and a link to its clips."""
+    """Result of a stage with its checks and a link to its clips on the curator's page."""
     link = curator_link(f"?stage={plan.name}") if manifest.judged else {}
     faults = manifest.reason_counts("rejected")["failed"]
     return result_of(plan, manifest, {**metadata, **link}, evaluate(plan, manifest), faults=faults)
 
 
 def thresholds() -> dict[str, Origin]:
-    """Unit and source of each threshold of data/feasibility.yaml, by its name."""
+    """Name -> unit and source of each threshold in data/feasibility.yaml."""
     return origins(settings.read_yaml(PROJECT.settings("feasibility.yaml")))
 
 
 def write_table(plan: Plan, table: pd.DataFrame, manifest: Manifest) -> dict[str, Any]:
-    """Write the table of a manifest that is about to be stored; what of it the asset's page shows."""
+    """Write the criteria table beside the manifest that will be stored. Returns rows for the asset's page."""
 
     path = criteria_table.path_beside(PROJECT.store.manifest_path(plan.key.to_user_string()))
     criteria_table.write(path, table, manifest)
@@ -92,18 +101,20 @@ def write_table(plan: Plan, table: pd.DataFrame, manifest: Manifest) -> dict[str
 
 
 def references_of(manifest: Manifest, reference_motions: Manifest | None = None) -> StoredReferences:
-    """The motions that rollouts among the clips of a manifest tracked, from the store, for any process.
+    """References of the rollouts among the clips of a manifest, readable from any process.
 
-    `reference_motions` has those of KP4's own rollouts, by name.
+    Args:
+        manifest: clips to evaluate
+        reference_motions: references of the rollouts of `augmented_motions`; other rollouts name a file of their source
     """
 
-    wanted = {
+    files = {
         content: (source, file)
         for content, source, file in manifest.kept(CONTENT, "source", "file")
         if content is not MISSING and content
     }
     blobs = dict(reference_motions.kept("clip", "blob")) if reference_motions else {}
-    for content, (source, file) in sorted(wanted.items()):
+    for content, (source, file) in sorted(files.items()):
         found = _reference(str(source), str(file))
         if found is not None and found.content == content:
             blobs[content] = PROJECT.store.put_clip(found.clip)
@@ -111,7 +122,7 @@ def references_of(manifest: Manifest, reference_motions: Manifest | None = None)
 
 
 def _reference(source_name: str, file: str) -> Any:
-    """The motion that a source's file names, as it is now; None where it is none any more."""
+    """The current motion in a file of a source; None if it no longer exists or is unreadable."""
 
     try:
         source = next(source for source in PROJECT.sources().all if source.name == source_name)

@@ -1,4 +1,4 @@
-"""KP4's tracking policy of a robot: the one that ships, or one trained here, by request or before a policy."""
+"""KP4: tracking policy of a robot, shipped or trained here (on request, or before a policy training)."""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -7,8 +7,8 @@ import dagster as dg
 
 from assets.plan import Plan
 from assets.report import result_of, robot_asset
-from assets.resources import ClipPoolResource, store_left_to_others
-from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
+from assets.resources import ClipPoolResource, store_released
+from assets.tracker_choice import ALWAYS, CHANGED, NEVER, current_tracker, job_of, no_tracker, unknown_references
 from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, Run, device_of, run_in, train
 from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip
@@ -23,20 +23,20 @@ from pipeline.tracking.write_bundle import write_tracking_bundle
 
 
 class TrackerConfig(dg.Config):
-    """Whether a tracker is trained, and how."""
+    """When and how a tracker is trained."""
 
     train: Literal["never", "changed", "always"] = NEVER
-    """Whether one is trained on this machine's references first; `changed`: if the served one was trained on others.
-    Served is the newest trained here, or the one that ships."""
+    """When to train on the references here; `changed`: if the current tracker was not trained on all of them. The
+    current tracker is the newest trained here, else the shipped one."""
     device: str = "auto"
-    """`cuda`, `cpu` (a trial of two iterations), or `auto`: the GPU where there is one."""
+    """`cuda`, `cpu` (a trial of two iterations), or `auto`: the GPU if there is one."""
     gpus: int = 1
     num_envs: int = 0
-    """Of each GPU; 0: 4096, or 8 in a trial."""
+    """Number of environments per GPU; 0: 4096, or 8 in a trial."""
     iterations: int = 0
-    """0: those of the tracker that ships (pipeline/tracking/task.py), or 2 in a trial."""
+    """Number of iterations; 0: as for the shipped tracker (pipeline/tracking/task.py), or 2 in a trial."""
     minutes: float = 30.0
-    """Training ends after so many, whatever the iterations."""
+    """Time limit of the training [min], whatever the number of iterations."""
     seed: int = 1
 
 
@@ -49,19 +49,19 @@ def tracking_policy(
     adapted_robot: Manifest,
     plan: Plan,
 ):
-    """The policy that tracks references in simulation: trained here, or the one that ships.
+    """Policy that tracks reference motions in simulation: trained here, else the shipped one.
 
-    A robot without any has an empty result; its database is then made of references.
+    Without either, the result is empty and the robot's database consists of references.
     """
     robot = plan.robot or DEFAULT_ROBOT
     if config.train == ALWAYS or (config.train == CHANGED and unknown_references(PROJECT, robot, reference_motions)):
         _train(plan, config, reference_motions, robot, clip_pool, context.log)
-    served = served_tracker(PROJECT, robot)
-    if served is None:
+    tracker = current_tracker(PROJECT, robot)
+    if tracker is None:
         why = no_tracker(robot)
         context.log.warning(why)
         return result_of(plan, {}, {"origin": why})
-    folder, origin = served
+    folder, origin = tracker
     card = read_card(folder)
     unknown = unknown_references(PROJECT, robot, reference_motions)
     facts = {
@@ -75,17 +75,17 @@ def tracking_policy(
     metadata = {
         "origin": origin,
         "folder": facts["folder"],
-        "figures of its own clips": dg.MetadataValue.json(card.figures),
+        "figures on its training clips": dg.MetadataValue.json(card.figures),
         "training": dg.MetadataValue.json(card.training),
-        "trained on": f"{len(card.clips)} clips",
-        "references that it was not trained on": len(unknown),
+        "training clips": f"{len(card.clips)} clips",
+        "references it was not trained on": len(unknown),
         "licences": ", ".join(card.licences),
     }
     if unknown:
         context.log.warning(
-            f"{len(unknown)} of {len(reference_motions.entries)} references are not among the tracker's clips, as "
-            f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job "
-            f"{job_of('train_tracker', robot)}. Before a policy is trained on a GPU, that happens by itself."
+            f"{len(unknown)} of {len(reference_motions.entries)} references are not among the tracker's training clips "
+            f"(for example '{unknown[0]}'). If it does not follow them well, run the job "
+            f"{job_of('train_tracker', robot)} on a machine with a GPU. A policy training on a GPU does this first."
         )
     return result_of(plan, {digest.of_json(card.files): facts}, metadata)
 
@@ -93,7 +93,7 @@ def tracking_policy(
 def _train(
     plan: Plan, config: TrackerConfig, references: Manifest, robot_name: str, clip_pool: ClipPoolResource, log: Any
 ) -> None:
-    """Train on the references and put the tracker's folder beside the policies. A trial leaves the served one alone."""
+    """Train on the references and export the tracker beside the policies. A trial on the CPU exports nothing."""
     from pipeline.tracking.export_tracker import export_tracker
 
     adapted = PROJECT.adapted_robot(robot_name)
@@ -110,21 +110,21 @@ def _train(
     )
     run = _run_of(config, PROJECT.policies(robot_name) / "tracker_runs", bundle, digest.of_json(about))
     commit = commit_of(PROJECT.root)
-    with store_left_to_others(log):
+    with store_released(log):
         train(run, PROJECT.root, PROJECT.training_lock, log)
     if run.device == "cpu":
-        log.warning(f"{run.folder.name} was a trial on a CPU: it shows that training runs, and is not served.")
+        log.warning(f"{run.folder.name} was a trial on a CPU: it only shows that training runs, and is not used.")
         return
-    near = [text.replace(f"{PROJECT.root}/", "") for text in run.command]
-    made = {"command": f"python {' '.join(near)}", "commit": commit}
+    arguments = [text.replace(f"{PROJECT.root}/", "") for text in run.command]
+    made = {"command": f"python {' '.join(arguments)}", "commit": commit}
     export_tracker(run.folder, bundle, adapted, PROJECT.policies(robot_name) / "tracker", made, clip_pool.pool())
 
 
 def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Run:
-    """The run that a config asks for here; the same request continues in the same folder."""
+    """The run for a config on this machine; an equal request continues in the same folder."""
     device = device_of(config.device, config.gpus)
     trial = device == "cpu"
-    asked: dict[str, Any] = {
+    request: dict[str, Any] = {
         "device": device,
         "gpus": 1 if trial else config.gpus,
         "num_envs": config.num_envs or (TRIAL_ENVS if trial else 4096),
@@ -132,6 +132,6 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Ru
         "minutes": config.minutes,
         "seed": config.seed,
     }
-    name = f"{'trial-' if trial else ''}seed{config.seed}-{digest.of_json([content, asked])[:10]}"
-    gpus, options = asked.pop("gpus"), asked | {"minutes": f"{config.minutes:g}"}
+    name = f"{'trial-' if trial else ''}seed{config.seed}-{digest.of_json([content, request])[:10]}"
+    gpus, options = request.pop("gpus"), request | {"minutes": f"{config.minutes:g}"}
     return run_in(runs / name, bundle, "pipeline.tracking", gpus, "--resume", **options)

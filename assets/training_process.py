@@ -1,6 +1,6 @@
-"""A training run in a process of its own: one at a time on this machine's GPUs; repeated, it continues.
+"""Training runs in separate processes: one at a time per machine; a repeated request continues the run.
 
-The button `Materialize all` makes everything else and trains nothing (`asked_for`).
+The button `Materialize all` of the web UI materializes all other assets and trains nothing (`is_requested`).
 """
 
 import fcntl
@@ -27,11 +27,11 @@ from pipeline.learning.run_command import commit_of, started_module
 from pipeline.training.config import DEFAULT, preset
 
 PROGRESS = ("iteration ", "validation: ")
-"""How lines of progress begin."""
+"""Prefixes of progress lines."""
 LOG_EVERY_S = 10.0
-"""Shortest time between lines of progress in the log [s]."""
+"""Minimum interval between progress lines in the log [s]."""
 TRIAL_ENVS, TRIAL_ITERATIONS = 8, 2
-"""Size of a trial where there is no GPU: enough to see that training runs."""
+"""Size of a trial without a GPU: sufficient to show that training runs."""
 
 
 class TrainingFailedError(PipelineError):
@@ -39,7 +39,7 @@ class TrainingFailedError(PipelineError):
 
 
 class TrainingConfig(dg.Config):
-    """What is trained, and on what."""
+    """Options of a training, and its device."""
 
     preset: str = DEFAULT
     """`recipe` or `paper` (pipeline/training/config.py)."""
@@ -47,46 +47,46 @@ class TrainingConfig(dg.Config):
     """Options that differ from the preset, as `group.name=value`."""
     seed: int = 1
     device: str = "auto"
-    """`cuda`, `cpu` (a trial of two iterations), or `auto`: the GPU where there is one."""
+    """`cuda`, `cpu` (a trial of two iterations), or `auto`: the GPU if there is one."""
     gpus: int = 1
-    """Processes, each on a GPU of its own."""
+    """Number of processes, one per GPU."""
     num_envs: int = 0
-    """Environments of each process; 0: the preset's, or 8 in a trial."""
+    """Number of environments per process; 0: as in the preset, or 8 in a trial."""
     iterations: int = 0
-    """Of AMP + PPO, and in a trial of distillation; 0: the preset's, or 2 in a trial."""
+    """Number of AMP + PPO iterations, in a trial also of distillation; 0: as in the preset, or 2 in a trial."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """A training run as requested, which a process of its own works on."""
+    """A training run, which a separate process executes."""
 
     folder: Path
     bundle: Path
     device: str
     command: tuple[str, ...]
-    """Without the Python that runs it."""
+    """Arguments of the Python interpreter."""
 
     @property
     def trial(self) -> bool:
-        """Two iterations on the CPU: no policy comes of it."""
+        """Whether it is a trial: a few iterations on the CPU that give no usable policy."""
         return self.device == "cpu"
 
     @property
     def done(self) -> bool:
-        """Whether it ended by itself."""
+        """Whether it ended without being interrupted."""
         return (self.folder / "done.json").is_file()
 
 
 def run_in(folder: Path, bundle: Path, module: str, gpus: int, *more: str, **options: Any) -> Run:
-    """The run of a module.
+    """The run that starts a module.
 
     Args:
         folder: folder of its output
         bundle: folder of its training bundle
         module: module to start
-        gpus: number of GPUs; a process each
-        more: further arguments, after the options, as they are
-        options: options as keywords: `device="cpu"` becomes `--device cpu`; `device` is required
+        gpus: number of GPUs, with one process each
+        more: further arguments, appended unchanged
+        options: options, of which `device` is required; `device="cpu"` becomes `--device cpu`
     """
     given = {"bundle": bundle, "out": folder, **options}
     words = [text for name, value in given.items() for text in (f"--{name.replace('_', '-')}", str(value))]
@@ -95,15 +95,21 @@ def run_in(folder: Path, bundle: Path, module: str, gpus: int, *more: str, **opt
 
 
 STAGES = ("distillation", "amp")
-"""Stages of a trial; on a CPU training would only distil."""
+"""Stages of a trial. By default, a training on the CPU only runs distillation."""
 
 
 def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str, options: Sequence[str] = ()) -> Run:
-    """The run that a config asks for on this machine; equal requests have the same folder, and continue in it.
+    """The run for a config on this machine. Equal requests have the same folder, in which the run continues.
 
-    A request is that of the preset's values: where the recipe changes, a new run begins.
+    A request includes the values of the preset, so that a changed preset starts a new run. Raises TrainingFailedError
+    if there are fewer GPUs than requested, TrainingError for an unknown preset.
 
-    Raises TrainingFailedError where more GPUs are requested than there are, TrainingError for an unknown preset.
+    Args:
+        config: config of the asset
+        runs: folder of all runs
+        bundle: folder of the training bundle
+        bundle_digest: digest of the bundle's content
+        options: further options, as `group.name=value`
     """
     device = device_of(config.device, config.gpus)
     trial = device == "cpu"
@@ -117,7 +123,7 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
     texts = [f"{name}={value}" for name, value in sizes.items() if value]
     if trial:
         texts.append(f"distillation.iterations={iterations if distils else 0}")
-    asked: dict[str, Any] = {
+    request: dict[str, Any] = {
         "preset": config.preset,
         "options": [*texts, *options, *config.options],
         "seed": config.seed,
@@ -125,36 +131,43 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
         "gpus": 1 if trial else config.gpus,
         "trial": trial,
     }
-    name = digest.of_json([bundle_digest, values, asked])[:10]
+    name = digest.of_json([bundle_digest, values, request])[:10]
     folder = runs / f"{'trial-' if trial else ''}{config.preset}-seed{config.seed}-{name}"
-    more = [text for each in asked["options"] for text in ("--set", each)] + (["--stages", *STAGES] if trial else [])
-    given = {name: asked[name] for name in ("device", "seed", "preset")}
-    return run_in(folder, bundle, "pipeline.training", asked["gpus"], *more, **given)
+    more = [text for each in request["options"] for text in ("--set", each)] + (["--stages", *STAGES] if trial else [])
+    given = {name: request[name] for name in ("device", "seed", "preset")}
+    return run_in(folder, bundle, "pipeline.training", request["gpus"], *more, **given)
 
 
-def device_of(wanted: str, gpus: int) -> str:
-    """`cuda` or `cpu`; for `auto` the GPU where there is one. Raises TrainingFailedError for too many GPUs."""
-    there = gpus_here()
-    device = wanted if wanted != "auto" else "cuda" if there else "cpu"
-    if device == "cuda" and there < gpus:
+def device_of(requested: str, gpus: int) -> str:
+    """`cuda` or `cpu`; for `auto` the GPU if there is one. Raises TrainingFailedError for too many GPUs."""
+    available = gpus_here()
+    device = requested if requested != "auto" else "cuda" if available else "cpu"
+    if device == "cuda" and available < gpus:
         raise TrainingFailedError(
-            f"{gpus} GPUs are asked for, {there} are here. Ask for fewer, or leave the device at 'auto': without a GPU "
-            "that trains a trial."
+            f"{gpus} GPUs are requested, {available} are available. Request fewer, or set the device to 'auto', which "
+            "runs a trial if there is no GPU."
         )
     return device
 
 
 def gpus_here() -> int:
-    """How many GPUs PyTorch finds."""
+    """Number of GPUs that PyTorch finds."""
     import torch
 
     return torch.cuda.device_count() if torch.cuda.is_available() else 0
 
 
 def train(run: Run, root: Path, lock: Path, log: Any) -> None:
-    """Train until the run is done; nothing where it is. Raises TrainingFailedError."""
+    """Train until the run is done; return at once if it already is. Raises TrainingFailedError.
+
+    Args:
+        run: the run
+        root: working directory of the process
+        lock: lock file that all trainings of the project share
+        log: log of the Dagster run
+    """
     if run.done:
-        log.info(f"{run.folder.name} is done already: nothing is trained")
+        log.info(f"{run.folder.name} is already done: nothing is trained")
         trained, now = stated_commit(run.folder), commit_of(Path(__file__).parent)
         if now not in trained:
             log.warning(
@@ -163,20 +176,20 @@ def train(run: Run, root: Path, lock: Path, log: Any) -> None:
         return
     run.folder.mkdir(parents=True, exist_ok=True)
     with _alone(lock, log) as held:
-        log.info(f"training in a process of its own: python {' '.join(run.command)}")
+        log.info(f"training in a separate process: python {' '.join(run.command)}")
         _follow([sys.executable, *run.command], root, held, log)
     if not run.done:
         raise TrainingFailedError(f"{run.folder}: training ended without done.json. Materialize again to continue it.")
 
 
 def stated_commit(folder: Path) -> str:
-    """The commits of a run, as its `config.json` states them; empty where it states none."""
+    """Commits in the `config.json` of a run; empty if it has none."""
     path = folder / "config.json"
     return str(json.loads(path.read_text()).get("commit", "")) if path.is_file() else ""
 
 
 def _follow(command: list[str], root: Path, held: IO[str], log: Any) -> None:
-    """Run a command to its end. It inherits the lock, so that a GPU stays taken as long as the process lives."""
+    """Run a command to its end and log its progress. It inherits the lock, which it holds as long as it lives."""
     process = subprocess.Popen(
         command,
         cwd=root,
@@ -205,7 +218,7 @@ def _follow(command: list[str], root: Path, held: IO[str], log: Any) -> None:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Wait for the process; where this one is being stopped, end it first, with all that it started."""
+    """Wait for the process. If an exception stops this process, terminate that one and its children first."""
     if sys.exc_info()[0] is None:
         process.wait()
         return
@@ -220,7 +233,7 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 @contextmanager
 def _alone(path: Path, log: Any) -> Iterator[IO[str]]:
-    """A lock that one training on this project's machine holds; the system releases it when the last holder dies."""
+    """Hold the lock that allows one training at a time. The system releases it when the last process with it ends."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+") as stream:
         try:
@@ -231,21 +244,21 @@ def _alone(path: Path, log: Any) -> Iterator[IO[str]]:
         yield stream
 
 
-def asked_for(context: Any, plan: Plan) -> bool:
-    """False, with a warning that says what to do, in a run that makes the motions as well as this training."""
+def is_requested(context: Any, plan: Plan) -> bool:
+    """Whether a run requests this training. A run that also materializes the motions does not: it logs a warning."""
     made = context.run.asset_selection or context.job_def.asset_layer.executable_asset_keys
     if SHARED[0].key not in made:
         return True
     name = plan.key.to_user_string()
     context.log.warning(
-        f"'{name}' is not trained, and what is made of it is skipped: this run materializes everything. To train, "
-        f"materialize '{name}' alone, or start its job."
+        f"'{name}' is not trained, and assets that need it are skipped, because this run materializes all assets. To "
+        f"train, materialize only '{name}', or start its job."
     )
     return False
 
 
 def curves_of(folder: Path) -> dict[str, Any]:
-    """A run's curves as a picture, and its last figures as numbers that plot over materializations."""
+    """Metadata of a run: its training curves as a picture, and their last values, which the web UI plots over runs."""
     from pipeline.viewing.tracking_plots import training_curves
 
     path = folder / "curves.csv"
@@ -258,12 +271,12 @@ def curves_of(folder: Path) -> dict[str, Any]:
     bins = [name.removesuffix("_commanded") for name in table if name.endswith("_commanded")]
     kinds = ("commanded", "achieved")
     speeds = [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in kinds}} for name in bins]
-    achieved = {"achieved against commanded velocity": table_of(speeds)} if bins else {}
+    achieved = {"commanded and achieved velocity": table_of(speeds)} if bins else {}
     return {**numbers, "curves": picture(training_curves({"": table})), **achieved}
 
 
 def validation_of(folder: Path) -> dict[str, Any]:
-    """What validation found of a run's checkpoints and of the chosen policy; empty for a run that is not validated."""
+    """Metadata of the validation of a run's checkpoints and selected policy; empty if it was not validated."""
     found = folder / "validation"
     if not (found / "figures.json").is_file():
         return {}

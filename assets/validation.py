@@ -1,7 +1,8 @@
-"""`mujoco_validation`: does the exported policy follow its commands in MuJoCo, on the adapted robot?
+"""Validations of the exported policy on the adapted robot.
 
-`cross_engine_validation`: the policy in MuJoCo, in MuJoCo with the armature on the links, and in DART.
-`webots_validation`: a Webots project of the robot and its policy, in Webots and in its stand-ins.
+`mujoco_validation`: command tracking and robustness in MuJoCo.
+`cross_engine_validation`: the policy in MuJoCo, in MuJoCo with armature inertia moved to the links, and in DART.
+`webots_validation`: a Webots project of robot and policy, run in Webots and in its stand-ins.
 """
 
 from pathlib import Path
@@ -29,13 +30,13 @@ from pipeline.webots.validate import WEBOTS, project_faults, validate
 
 PASSED = "required_cells_passed"
 HOLDS = "holds_in_both_engines"
-IS_THE_ROBOT, WALKS = "project_is_the_robot", "walks_in_webots"
+MATCHES_ROBOT, WALKS = "project_is_the_robot", "walks_in_webots"
 SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
-"""Walks that pictures show, by cell."""
+"""Cells whose walks the pictures show."""
 
 
 class ValidationConfig(EvaluatedPolicyConfig):
-    """What is tried, and with which policy."""
+    """Suite of trials, and the policy to evaluate."""
 
     suite: Literal["quick", "full"] = "full"
 
@@ -43,7 +44,7 @@ class ValidationConfig(EvaluatedPolicyConfig):
 @robot_asset(
     "mujoco",
     deps=["adapted_robot"],
-    checks={PASSED: "Every required cell of the robot's validation.yaml holds all of its bars."},
+    checks={PASSED: "Every required cell of the robot's validation.yaml meets all of its thresholds."},
 )
 def mujoco_validation(
     context: dg.AssetExecutionContext,
@@ -52,7 +53,10 @@ def mujoco_validation(
     exported_policy: Manifest,
     plan: Plan,
 ):
-    """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
+    """Validation of the policy in MuJoCo, with one verdict and every reason.
+
+    Cells: constant and switching commands, initial states, terrain, disturbed conditions, pushes.
+    """
     robot = plan.robot or DEFAULT_ROBOT
     one, bars = evaluated_policy(config, exported_policy, robot)
     cells = cells_of(config.suite, one.robot)
@@ -62,8 +66,8 @@ def mujoco_validation(
     logs = write_failed_trials(one, verdict, folder)
     tried = None if config.suite == "full" else {log_path(folder, cell.name) for cell in cells}
     remove_earlier_logs(folder, logs, tried)
-    context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
-    not_run = [] if config.suite == "full" else ["the full suite: only the quick one was run"]
+    context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failure logs written")
+    not_run = [] if config.suite == "full" else ["the full suite: only the quick suite was run"]
     record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": not_run}
     reasons = "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"
     check = check_result(plan, PASSED, verdict.passed, reasons, _note(verdict))
@@ -79,7 +83,7 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
 
     worlds = Worlds(one)
     walks = {cell.name: walk(worlds, cell.trials[0]) for cell in named(one.robot, SHOWN)}
-    spared = {cell.measured.cell.name: cell.bars.why for cell in verdict.cells if not cell.bars.required}
+    optional = {cell.measured.cell.name: cell.bars.why for cell in verdict.cells if not cell.bars.required}
     return {
         "passed": verdict.passed,
         **_note(verdict),
@@ -88,17 +92,19 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
         "cells failed": len(verdict.failed_cells),
         "trials": sum(len(cell.measured.trials) for cell in verdict.cells),
         "reasons": dg.MetadataValue.md(markdown_list(verdict.reasons)),
-        "not required": dg.MetadataValue.md(markdown_list(f"{name}: {why}" for name, why in spared.items())),
-        "failures written": ", ".join(path.name for path in logs) or "none",
+        "not required": dg.MetadataValue.md(markdown_list(f"{name}: {why}" for name, why in optional.items())),
+        "failure logs": ", ".join(path.name for path in logs) or "none",
         "command tracking": picture(command_tracking(verdict)),
         "survival of pushes": picture(survival_heatmap(verdict)),
-        "torque against speed": picture(torque_speed(walks, one.envelope)),
+        "torque over speed": picture(torque_speed(walks, one.envelope)),
         "foot contacts": picture(foot_contacts(walks)),
         "every cell": table_of(table(verdict)),
     }
 
 
-@robot_asset("dart", deps=["adapted_robot"], checks={HOLDS: "No fall, commands kept, engines agree where required."})
+@robot_asset(
+    "dart", deps=["adapted_robot"], checks={HOLDS: "In every required cell: no fall, commands tracked, engines agree."}
+)
 def cross_engine_validation(
     context: dg.AssetExecutionContext,
     config: EvaluatedPolicyConfig,
@@ -106,7 +112,7 @@ def cross_engine_validation(
     exported_policy: Manifest,
     plan: Plan,
 ):
-    """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
+    """Validation of the same policy, gains and motors in MuJoCo and DART, whose contact models differ."""
     from pipeline.validation.cross_engine import cross_engine
     from pipeline.validation.cross_engine_trials import write_failures
     from pipeline.validation.cross_engine_walk import CrossEngineSettings
@@ -114,15 +120,15 @@ def cross_engine_validation(
 
     grid = PROJECT.read("cross_engine.yaml", CrossEngineSettings)
     robot = plan.robot or DEFAULT_ROBOT
-    judged, bars = evaluated_policy(config, exported_policy, robot)
-    found = cross_engine(judged, grid, bars, pool=clip_pool.pool())
+    evaluated, bars = evaluated_policy(config, exported_policy, robot)
+    found = cross_engine(evaluated, grid, bars, pool=clip_pool.pool())
     folder = PROJECT.simulated_failures(robot, "cross_engine")
-    logs = write_failures(judged, found, grid, folder)
+    logs = write_failures(evaluated, found, grid, folder)
     remove_earlier_logs(folder, logs)
-    facts = {"stage": plan.name, "policy": digest(judged.policy), "gains": judged.gains()}
+    facts = {"stage": plan.name, "policy": digest(evaluated.policy), "gains": evaluated.gains()}
     verdict = {**facts, **found.to_dict()}
     check = check_result(
-        plan, HOLDS, found.passed, "; ".join(found.reasons) or "every required cell holds", _note(found)
+        plan, HOLDS, found.passed, "; ".join(found.reasons) or "all required cells passed", _note(found)
     )
     metadata = {
         "passed": found.passed,
@@ -134,7 +140,7 @@ def cross_engine_validation(
         "not required": dg.MetadataValue.md(
             markdown_list(f"{name}: {why}" for name, why in found.not_required.items())
         ),
-        "failures written": ", ".join(path.name for path in logs) or "none",
+        "failure logs": ", ".join(path.name for path in logs) or "none",
         "pictures": picture(cross_engine_plots(found)),
         "cells": table_of(found.rows()),
     }
@@ -144,24 +150,24 @@ def cross_engine_validation(
 @robot_asset(
     "webots",
     deps=["adapted_robot"],
-    checks={WALKS: "The walk of data/webots.yaml in Webots itself."},
-    blocking={IS_THE_ROBOT: "PROTO and world have the robot's numbers."},
+    checks={WALKS: "The policy follows the commands of data/webots.yaml in Webots itself, not in a stand-in."},
+    blocking={MATCHES_ROBOT: "PROTO and world have the same parameters as the robot model."},
 )
 def webots_validation(
     context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest, plan: Plan
 ):
-    """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
+    """Webots project (PROTO, world, controller) of the robot, run in Webots if installed, and in its stand-ins."""
     from pipeline.validation.derived_bars import allowed_of
 
     values = PROJECT.read("webots.yaml", WebotsSettings)
     robot = plan.robot or DEFAULT_ROBOT
-    judged, rules = evaluated_policy(config, exported_policy, robot)
+    evaluated, rules = evaluated_policy(config, exported_policy, robot)
     folder, source = PROJECT.data / "webots" / robot, read_description(PROJECT.adapted_robot(robot))
-    project = write_project(folder, source, judged.task, judged.envelope, judged.policy, values)
-    faults = project_faults(project.world, judged.robot)
+    project = write_project(folder, source, evaluated.task, evaluated.envelope, evaluated.policy, values)
+    faults = project_faults(project.world, evaluated.robot)
     verdicts = validate(project, values, allowed_of(rules.webots))
-    note = rules.reference.note_on(judged.robot.digest)
-    stored = {**stored_verdict(plan.name, digest(judged.policy), verdicts), "note": note or None}
+    note = rules.reference.note_on(evaluated.robot.digest)
+    stored = {**stored_verdict(plan.name, digest(evaluated.policy), verdicts), "note": note or None}
     statuses = {each.engine: each.status for each in verdicts.values()}
     for engine, status in statuses.items():
         context.log.info(f"{engine}: {status}")
@@ -175,8 +181,11 @@ def webots_validation(
 
 
 def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any]) -> dict[str, Any]:
-    """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing or failed to
-    run. A stand-in has its own name; one that failed to run is listed too."""
+    """Verdict for the manifest.
+
+    `passed` is None if Webots is missing or failed to run; `not_run` and `failed_to_run` have the reason. Stand-ins are
+    listed by name, those that failed to run also under `failed_to_run`.
+    """
     own = verdicts[WEBOTS]
     others = {name: each.to_dict() for name, each in verdicts.items() if name != WEBOTS}
     return {
@@ -200,7 +209,7 @@ def _webots_checks(plan: Plan, faults: tuple[str, ...], webots: Any) -> list[dg.
     found = "; ".join(webots.reasons) or webots.status
     compared = "; ".join(faults) or "motors, limits, masses, inertias, poses, sensors, contacts"
     return [
-        check_result(plan, IS_THE_ROBOT, not faults, compared, warn=False),
+        check_result(plan, MATCHES_ROBOT, not faults, compared, warn=False),
         check_result(plan, WALKS, webots.status == "passed", found, warn=not webots.failed_to_run),
     ]
 

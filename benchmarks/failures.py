@@ -25,7 +25,7 @@ from pipeline import rotation  # noqa: E402
 from pipeline.failures.failure import NOT_OF_POLICY  # noqa: E402
 from pipeline.failures.find import find_failures  # noqa: E402
 from pipeline.failures.trial_report import TrialReport  # noqa: E402
-from pipeline.feedback.cell_weights import lowered  # noqa: E402
+from pipeline.feedback.cell_weights import with_lowered_limits  # noqa: E402
 from pipeline.feedback.propose import propose  # noqa: E402
 from pipeline.feedback.sim_to_real import simulated  # noqa: E402
 from pipeline.simulation.record import Rollout  # noqa: E402
@@ -129,7 +129,7 @@ def model_bars(one, actuators) -> list[Bar]:
     planted = plants[0].value * one.robot.torque_limit[one.robot.joint(plants[0].joint)]
     proposed = [change.value for change in motors if change.what == plants[0].joint]
     error = 100.0 * abs(proposed[0] / planted - 1.0) if proposed else float("nan")
-    adapted = lowered(actuators, motors)
+    adapted = with_lowered_limits(actuators, motors)
     fell = [simulated(trial, one.robot, adapted, one.policy, trial.seconds).fell for trial in trials]
     stood = [not simulated(trial, one.robot, actuators, one.policy, trial.seconds).fell for trial in trials]
     return [

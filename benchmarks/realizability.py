@@ -14,7 +14,7 @@ import logging
 
 import numpy as np
 
-from assets.database_checks import measured
+from assets.database_checks import held_out_accuracy
 from assets.plan import robot_plans
 from pipeline.batch.pool import ClipPool
 from pipeline.project import DEFAULT_ROBOT, PROJECT
@@ -29,7 +29,8 @@ def main() -> None:
     plans = robot_plans(given.robot)
     for name in ("reference_motions", "augmented_motions", "feasible_motions"):
         manifest = PROJECT.store.load(plans[name].key.to_user_string())
-        values = [measured(given.robot, manifest, ClipPool(), logging.getLogger(), seed) for seed in range(given.seeds)]
+        log = logging.getLogger()
+        values = [held_out_accuracy(given.robot, manifest, ClipPool(), log, seed) for seed in range(given.seeds)]
         print(f"{name:20} accuracy {np.mean(values):.3f} ({min(values):.3f} to {max(values):.3f})")
 
 

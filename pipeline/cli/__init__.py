@@ -1,1 +1,1 @@
-"""`booster-lab`: what a person types. A file a command; all work is done by the stages."""
+"""The command line `booster-lab`, with one module per command or group; the stages do all work."""

@@ -1,7 +1,7 @@
 """Arguments of the commands on motions, databases and robots, as dataclasses that tyro reads: a field is an option, its
 docstring the help. Those on policies are in `policy_arguments.py`.
 
-Nothing heavy is imported here: `booster-lab --help`, a typo and shell completion need the two files alone.
+Nothing heavy is imported here: `booster-lab --help`, a typo and shell completion need only these two modules.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from pipeline.cli.option_types import (
 )
 
 MOST_ASKINGS = 100
-"""As `pipeline.batch.store` has it, which is not imported here."""
+"""Equal to the constant in `pipeline.batch.store`, whose import would be slow."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""One file or clip through the stages, outside of the graph: read and corrected, repaired, retargeted."""
+"""Run the stages on one file or clip outside of the graph: reading, repair, retargeting."""
 
 import contextlib
 import dataclasses
@@ -27,19 +27,19 @@ from pipeline.selection import TRANSITION, Curation
 from pipeline.selection import process as select
 
 OPTIONS = {key: f"--{key}" for key in ("unit", "up", "skeleton", "asf", "quaternion")} | {"fps": "--source-fps"}
-"""Key of data/sources.yaml -> the option that states it for one command."""
+"""Key of data/sources.yaml -> command line option with the same meaning."""
 
 
 def with_options(advice: str, options: Mapping[str, str] = OPTIONS) -> str:
-    """Advice and, after the keys of data/sources.yaml that it names, the options that state them."""
+    """Append to advice the options that correspond to the keys of data/sources.yaml in it."""
     keys = dict.fromkeys(re.findall(r"`(\w+):", advice))
     named = ", ".join(options[key] for key in keys if key in options)
-    return f"{advice.rstrip('.')}. For this command alone: {named}." if named else advice
+    return f"{advice.rstrip('.')}. For this command only: {named}." if named else advice
 
 
 @contextlib.contextmanager
 def naming_options(options: Mapping[str, str] = OPTIONS) -> Iterator[None]:
-    """Name the options in the FileErrors of readers, which know data/sources.yaml alone."""
+    """Add command line options to FileErrors of readers, which only name keys of data/sources.yaml."""
     try:
         yield
     except FileError as error:
@@ -50,23 +50,23 @@ def naming_options(options: Mapping[str, str] = OPTIONS) -> Iterator[None]:
 
 @dataclass(frozen=True, kw_only=True)
 class FileRead:
-    """A motion file as its reader understood it."""
+    """A motion file that was read."""
 
     path: Path
     """Absolute."""
     source: Source
-    """The source it belongs to, with what was stated on the command line."""
+    """Its source, with the properties stated on the command line."""
     motion: ReadMotion
 
 
 @dataclass(frozen=True)
 class Chain:
-    """The stages with the settings of one project; each file of settings is read when it is first needed."""
+    """The stages with the settings of a project; a settings file is read on first use."""
 
     project: Project
 
     def read(self, path: Path, stated: Statement) -> FileRead:
-        """The file as a clip. Raises FileError."""
+        """Read a motion file. Raises FileError."""
         if not path.is_file():
             raise FileError(path, "it is not a file." if path.exists() else "the file does not exist.")
         path = path.resolve()
@@ -78,7 +78,7 @@ class Chain:
         return FileRead(path=path, source=source, motion=motion)
 
     def catalogued(self, read: FileRead) -> Outcome:
-        """The clip of a file with its numbers, defects of the whole file corrected."""
+        """The catalogued clip of a file, with its numbers and defects of the whole file corrected."""
         rate_is_stated = read.source.statement_of(read.path).fps is not None
         return catalogue(read.motion, settings=self._catalog, rate_is_stated=rate_is_stated)
 
@@ -87,16 +87,16 @@ class Chain:
         return select(piece.clip, piece.numbers, settings=self._curation)
 
     def repaired(self, piece: Piece) -> Outcome:
-        """A catalogued clip as one window, its frames repaired, filled or cut."""
+        """Repair a whole catalogued clip as one window."""
         window = {"skill": TRANSITION, "start_frame": 0, "stop_frame": piece.clip.frame_count}
         return repair(piece.clip, {**piece.numbers, **window}, settings=self._repair)
 
     def repaired_window(self, window: Piece) -> Outcome:
-        """A window of one skill of a catalogued clip, its frames repaired, filled or cut."""
+        """Repair a window of one skill of a catalogued clip."""
         return repair(window.clip, window.numbers, settings=self._repair)
 
     def retargeted(self, piece: Piece, numbers: Mapping[str, Any], robot: Robot) -> Outcome:
-        """A repaired piece onto a robot; a recording of this robot passes."""
+        """Retarget a repaired piece onto a robot; a recording of this robot is kept unchanged."""
         return onto_robot(piece.clip, {**numbers, **piece.numbers}, settings=self._retarget, robot=robot)
 
     def speeds(self, clip: Clip) -> Float[np.ndarray, " n"]:

@@ -21,33 +21,35 @@ from pipeline.readers.remembered import forget, read_remembered
 
 
 def database(args: Database) -> int:
-    """Say what is in place, list the versions, or put one in place. Raises UnknownNameError, FileError."""
+    """Summarize the database, list its versions, or restore one. Raises UnknownNameError, FileError."""
     project = find_project()
     folder = project.expert_db(project.robot(args.robot).name)
     if args.action == "restore":
         if args.version is None:
-            raise PipelineError("name the version to restore; there are those of: booster-lab database list")
+            raise PipelineError("name the version to restore; to list them: booster-lab database list")
         store, holder = project.store.root, f"booster-lab database restore {args.version}"
         with alone(store, holder) if store.is_dir() else contextlib.nullcontext():
             made = history.restore(folder, args.version, project.feedback.approved)
-        print(f"{folder}: {made.name} is in place, {made.clips} clips, {made.seconds:.1f} s.")
-        print(f"It stays until the next run, as `{_making(args.robot)}`, writes that of the present sources again.")
+        print(f"{folder}: {made.name} is now the current database, {made.clips} clips, {made.seconds:.1f} s.")
+        print(
+            f"It stays until the next run, for example `{_materialize_command(args.robot)}`, writes the database again."
+        )
         return 0
     if args.action == "summary":
         print(summary(folder, args.robot, (project.robot_folder(args.robot) / "policies" / "walk").is_dir()))
         return 0
     rows = [[each.name, each.clips, each.seconds] for each in versions(folder)]
     if [name for name, *_ in rows[:1]] != ["current"]:
-        print(f"{folder}: no database is in place")
+        print(f"{folder}: there is no current database")
     if rows:
         print(text_table(["version", "clips", "seconds"], rows))
     return 0
 
 
 def summary(folder: Path, robot: str, ships_policy: bool) -> str:
-    """What the database in place holds: clips, seconds, skills, where, and what to do next. Raises PipelineError."""
+    """Summary of the current database (clips, seconds, skills, folder) and next steps. Raises PipelineError."""
     if not (folder / manifest.FILE).is_file():
-        raise PipelineError(f"there is no database of '{robot}' yet; make it with: {_making(robot)}")
+        raise PipelineError(f"there is no database of '{robot}' yet; make it with: {_materialize_command(robot)}")
     version = history.describe(folder, "current")
     seconds = read_json(folder / manifest.FILE)["seconds_by_skill"]
     skills = ", ".join(f"{skill} {value:.0f} s" for skill, value in seconds.items())
@@ -69,8 +71,8 @@ def summary(folder: Path, robot: str, ships_policy: bool) -> str:
     )
 
 
-def _making(robot: str) -> str:
-    """The command that makes a robot's database."""
+def _materialize_command(robot: str) -> str:
+    """The command that materializes a robot's database."""
     return f"dagster asset materialize --select {asset_of(DATABASE, robot)}"
 
 
@@ -79,7 +81,7 @@ def sources(args: Sources) -> int:
     record = find_project().remembered_sources
     if args.action == "forget":
         if not args.names:
-            raise PipelineError("name the sources to forget; there are those of: booster-lab sources list")
+            raise PipelineError("name the sources to forget; to list them: booster-lab sources list")
         for each in forget(record, args.names):
             print(f"forgotten: {each.text()}")
         return 0
@@ -97,11 +99,11 @@ def export(args: Export) -> int:
     project, name = find_project(), args.database.name
     if not args.database.is_dir():
         robot = name if name in project.robots else DEFAULT_ROBOT
-        raise FileError(args.database, "it is not a folder.", f"Make the database: {_making(robot)}")
+        raise FileError(args.database, "it is not a folder.", f"Make the database: {_materialize_command(robot)}")
     if args.out.resolve().is_relative_to(current(args.database).resolve()):
-        raise FileError(args.out, "it is in the database, whose files have digests.", "Name another folder.")
+        raise FileError(args.out, "it is inside the database, which must not be changed.", "Name another folder.")
     if any(args.out.glob("*")):
-        raise FileError(args.out, "it is not empty; an export is written as a whole.", "Name an empty folder.")
+        raise FileError(args.out, "it is not empty.", "Name an empty folder.")
     written = export_database(args.database, args.format, project.robot, args.out, args.skill, args.naming)
     print(f"{written} clips and {CARD} in {args.out}")
     return 0
@@ -111,7 +113,7 @@ MB = 1e6
 
 
 def store_size(args: Store) -> int:
-    """Print the table of sizes; delete what is old with `--delete`. Raises StoreInUseError, FileError."""
+    """Print a table of sizes; with `--delete`, delete unneeded results. Raises StoreInUseError, FileError."""
     project, is_gc = find_project(), args.action == "gc"
     parts = collect(project.store, args.keep if is_gc else MOST_ASKINGS, delete=is_gc and args.delete)
     print(project.store.root)
@@ -127,7 +129,7 @@ def _table(parts: tuple[Part, ...], project: Project, is_gc: bool) -> str:
     rows = [[part.what, part.files, part.size / MB, len(part.old), part.old_size / MB] for part in parts]
     databases = _files(project.root / "data" / "expert_db")
     size = sum(path.stat().st_size for path in databases)
-    rows.append(["databases and their earlier versions", len(databases), size / MB, 0, 0.0])
+    rows.append(["databases with earlier versions", len(databases), size / MB, 0, 0.0])
     shown = [[name, files, round(size, 1), old, round(old_size, 1)] for name, files, size, old, old_size in rows]
     columns = 5 if is_gc else 3
     header = ["", "files", "MB", "files not needed", "MB not needed"]

@@ -1,4 +1,4 @@
-"""`booster-lab inspect IN`: what a motion file is and what is wrong with it; KP5's verdict on a clip."""
+"""`booster-lab inspect IN`: format and defects of a motion file, or KP5's criteria of a clip."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -23,10 +23,10 @@ WINDOW_NUMBERS = ("skill", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
 
 
 def inspect_file(chain: Chain, path: Path, stated: Statement) -> dict[str, Any]:
-    """Read, catalogue, cut in windows and repair one file: all its facts and every reason, as `--json` shows them.
+    """Read, catalogue, segment and repair one file. Returns the JSON object of `--json`.
 
-    Numbers are None where they are not known: `speed_*` [m/s] where too little was recorded, `leg_length` (thigh plus
-    shank [m]) of a robot. `fps` is the true rate [Hz]; `usable_*` is what is left after repair; `reasons` have `stage,
+    Unknown numbers are None: `speed_*` [m/s] if too little was recorded, `leg_length` (thigh plus shank [m]) for a
+    robot motion. `fps` is the true rate [Hz]; `usable_*` are the values after repair; `reasons` have `stage,
     code, text, effect` (`rejected`, `repaired`, `noted`) and, where known, `start_s, stop_s, value, limit, unit`.
     Raises FileError.
     """
@@ -74,7 +74,7 @@ def _windows_inspection(selected: Outcome, whole: Piece) -> list[dict[str, Any]]
 
 
 def run(args: Inspect) -> int:
-    """Print it. A file that can't be read is an error; in a folder it is a line."""
+    """Inspect a file, folder or clip. An unreadable file is an error; in a folder, it is a line of the table."""
     chain = Chain(find_project())
     stated = Statement(**vars(args.statement))
     if args.write_map:
@@ -97,14 +97,14 @@ def run(args: Inspect) -> int:
 
 
 def _is_clip(path: Path) -> bool:
-    """A file of the database, or what is neither a file nor named like one: the name of a clip."""
+    """Whether an argument names a clip: a file of the database, or neither an existing file nor like a file name."""
     if path.exists():
         return path.is_file() and path.suffix.lower() == ".json"
     return path.suffix.lower() not in SUFFIXES
 
 
 def stored_clip(project: Project, name: str, robot: str, as_json: bool) -> None:
-    """Every criterion of a clip; of one that was rejected before it had any, the stage and its reasons."""
+    """Print every criterion of a clip; for a clip rejected before KP5, the stage and its reasons."""
     rows = judged(project, name, robot)
     if rows:
         decisions = excluded(project, rows, robot)
@@ -120,10 +120,10 @@ def stored_clip(project: Project, name: str, robot: str, as_json: bool) -> None:
 
 
 def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
-    """A line a file of all motion files below a folder. Raises FileError when there are none."""
+    """Print one line per motion file below a folder. Raises FileError if there are none."""
     listing = list_files(Source(name=path.name, folder=path))
     if not listing.motions:
-        raise FileError(path, "there is no motion file in it.", listing.unread_text())
+        raise FileError(path, "it has no motion files.", listing.unread_text())
     rows, values = [], []
     for file in listing.motions:
         within = file.relative_to(path).as_posix()
@@ -148,7 +148,7 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
 
 
 def as_text(found: dict[str, Any]) -> str:
-    """Everything about one file, for a person."""
+    """The inspection of a file as text."""
     pieces = "1 piece" if found["usable_pieces"] == 1 else f"{found['usable_pieces']} pieces"
     declared, leg, mean = found["declared_fps"], found["leg_length"], found["speed_mean"]
     facts = {
@@ -159,7 +159,7 @@ def as_text(found: dict[str, Any]) -> str:
         "true rate": f"{found['fps']:.6g} Hz",
         "length": f"{found['seconds']:.2f} s, {found['frames']} frames",
         "leg length": None if leg is None else f"{leg:.3f} m (thigh and shank)",
-        "speed": "not known, too little was recorded"
+        "speed": "unknown, too little was recorded"
         if mean is None
         else f"mean {mean:.2f} m/s, highest {found['speed_max']:.2f} m/s",
         "usable": f"{found['usable_seconds']:.2f} s in {pieces}",
@@ -167,7 +167,7 @@ def as_text(found: dict[str, Any]) -> str:
     header = ["from [s]", "to [s]", "skill", "forward [m/s]", "left [m/s]", "turning left [rad/s]"]
     rows = [[window[name] for name in ("start_s", "stop_s", *WINDOW_NUMBERS)] for window in found["windows"]]
     windows = text_table(header, rows, indent="  ") if rows else "  none"
-    findings = f"found\n{_reasons(found['reasons'])}" if found["reasons"] else "found: nothing wrong"
+    findings = f"found\n{_reasons(found['reasons'])}" if found["reasons"] else "found: no defects"
     return "\n\n".join([name_values(facts), f"windows of one skill\n{windows}", findings])
 
 

@@ -39,13 +39,13 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "import-robot": (kinds.ImportRobot, "robot_commands:import_robot"),
     "check-robot": (kinds.CheckRobot, "robot_commands:check_robot"),
 }
-"""Name -> arguments, and the function in `pipeline.cli` that runs it: its module is imported only then."""
+"""Name -> class of the arguments, and function in `pipeline.cli` that runs it, whose module is imported on demand."""
 
 CONFIG = (tyro.conf.FlagCreatePairsOff,)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command. 0: done, 1: it could not be done (one sentence on stderr), 2: wrong usage."""
+    """Run a command and return its exit code. 0: done, 1: failed (message on stderr), 2: wrong usage."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words == ["--version"]:
         print(f"booster-lab {importlib.metadata.version('booster-lab')}")
@@ -54,8 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = _run(words)
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # whoever reads the output has enough of it, such as `head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more when it ends
+    except BrokenPipeError:  # the reader of the output closed the pipe, for example `head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes stdout again at exit
         return 141
     except (PipelineError, OSError) as error:
         print(f"booster-lab: {' '.join(str(error).split())}", file=sys.stderr)
@@ -71,7 +71,7 @@ def _run(words: Sequence[str]) -> int:
     """Exit code of the command in `words`, or of its help."""
     try:
         parsed = parse(words)
-    except SystemExit as stop:  # tyro has printed what is wrong, or shown the help
+    except SystemExit as stop:  # tyro has printed an error or the help
         return int(stop.code or 0)
     module, function = COMMANDS[words[0]][1].split(":")
     return getattr(importlib.import_module(f"pipeline.cli.{module}"), function)(parsed)

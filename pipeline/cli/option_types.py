@@ -1,4 +1,4 @@
-"""Types of options of the command line: how a word is read, and its name in the help."""
+"""Types of command line options: how an argument is parsed, and its name in the help."""
 
 import math
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 
 def option(metavar: str, read: Callable[[str], Any], choices: tuple[str, ...] | None = None) -> Any:
-    """One word of the command line, read by `read` (ValueError: wrong usage); None is an option that is not given."""
+    """An argument parsed by `read`, which raises ValueError for wrong usage; a missing option is None."""
     return PrimitiveConstructorSpec(
         nargs=1,
         metavar=metavar,
@@ -64,7 +64,7 @@ def within(low: float, high: float) -> Callable[[str], float]:
 
 
 def span(text: str) -> tuple[float, ...]:
-    """Begin and end of a time [s]."""
+    """Start and end of a time span [s]."""
     start_s, stop_s = numbers(2)(text)
     if not 0.0 <= start_s < stop_s:
         raise ValueError(f"'{text}' is not T,UNTIL with 0 <= T < UNTIL [s]")
@@ -75,7 +75,7 @@ def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
     def read(text: str) -> tuple[float, ...]:
         values = tuple(float(part) for part in text.split(","))
         if len(values) != count or not all(map(math.isfinite, values)):
-            raise ValueError(f"'{text}' is not {count} numbers with commas between")
+            raise ValueError(f"'{text}' is not {count} numbers separated by commas")
         return values
 
     return read

@@ -1,6 +1,6 @@
-"""`booster-lab validate` and `cross-engine`: does a policy follow commands in MuJoCo, and in other physics engines?
+"""`booster-lab validate`, `cross-engine` and `play`: a policy in MuJoCo and in other physics engines.
 
-The exit code is the verdict. `booster-lab play`: it walks in the browser, commanded by sliders and keys, or in a film.
+The exit code of the first two is the verdict. `play` shows an interactive walk in the browser, or writes a film.
 """
 
 import contextlib
@@ -29,13 +29,13 @@ from pipeline.validation.verdict import as_text, judge, table
 EXPORTED = "policy.npz"
 """The network in the folder of an exported policy (`pipeline.export.folder`)."""
 FAILED = 3
-"""Exit code of a policy that fails; 1 is of a validation or comparison that could not be done."""
+"""Exit code for a policy that fails; 1 means that the command could not run."""
 
 
 def validate_policy(args: Validate) -> int:
-    """Measure, evaluate, report."""
+    """Validate a policy and print the verdict. Returns the exit code."""
     if args.failures and args.suite == HELD_OUT:
-        raise PipelineError("logs of held-out trials would choose the next database. Leave --failures out.")
+        raise PipelineError("logs of held-out trials must not influence the next database. Leave out --failures.")
     project = find_project()
     folder = robot_folder(project, args.robot)
     bars = project.validation(args.robot)
@@ -59,19 +59,19 @@ def validate_policy(args: Validate) -> int:
         for path in logs:
             print(f"written: {path}")
         for path in gone:
-            print(f"removed, of an earlier verdict: {path}")
+            print(f"removed (from an earlier verdict): {path}")
     return 0 if verdict.passed else FAILED
 
 
 def robot_folder(project: Project, name: str) -> Path:
-    """The adapted robot's folder, or the robot's own where it was never adapted. Raises UnknownNameError."""
+    """Folder of the adapted robot, else of the nominal robot. Raises UnknownNameError."""
     project.robot(name)
     adapted = project.adapted_robot(name)
     return adapted if (adapted / "robot.toml").is_file() else project.robot_folder(name)
 
 
 def deployed_policy(robot: Path, policy: Path, ankle_kd: float | None) -> Deployed:
-    """A policy on the robot of a folder, its ankles damped with `ankle_kd` [N m s/rad] where that is given."""
+    """A policy on the robot of a folder, with an optional other ankle damping `ankle_kd` [N m s/rad]."""
     with naming_policy(policy):
         one = deployed(robot, policy_of(policy, robot))
     return one if ankle_kd is None else with_ankle_kd(one, ankle_kd)
@@ -79,7 +79,7 @@ def deployed_policy(robot: Path, policy: Path, ankle_kd: float | None) -> Deploy
 
 @contextlib.contextmanager
 def naming_policy(policy: Path) -> Iterator[None]:
-    """Name the policy's file where it does not fit the robot, and what to do."""
+    """Raise a FileError with the policy's file if it does not fit the robot."""
     try:
         yield
     except PolicyJointsError as error:
@@ -90,22 +90,22 @@ def naming_policy(policy: Path) -> Iterator[None]:
 
 
 def policy_of(path: Path, robot: Path) -> Policy:
-    """The policy of an npz or of an exported policy's folder. Raises FileError."""
+    """Load a policy from an npz or the folder of an exported policy. Raises FileError."""
     if not path.exists():
         raise FileError(path, "there is no such file or folder.", "Name an npz, or the folder of an exported policy.")
     if path.is_dir():
         if not (path / EXPORTED).is_file():
             raise FileError(path, f"it has no {EXPORTED}.", "Name an npz, or the folder of an exported policy.")
-        from pipeline.export.folder import read_export  # brings PyTorch
+        from pipeline.export.folder import read_export  # imports PyTorch
 
         return read_export(path, load_robot(robot)).policy
     if path.suffix != ".npz":
-        raise FileError(path, "it is no npz.", "Name an npz, or the folder of an exported policy.")
+        raise FileError(path, "it is not an npz file.", "Name an npz, or the folder of an exported policy.")
     return load_policy(path)
 
 
 def compare_engines(args: CrossEngine) -> int:
-    """Walk, evaluate, report."""
+    """Compare a policy in several engines and print the verdict. Returns the exit code."""
     project = find_project()
     grid = project.read("cross_engine.yaml", CrossEngineSettings)
     folder = robot_folder(project, args.robot)
@@ -153,7 +153,7 @@ def _rows(found: CrossEngineResult) -> list[list[str]]:
 
 
 def play(args: Play) -> int:
-    """Walk until interrupted, or write the film."""
+    """Show the interactive page until interrupted, or write a film."""
     from pipeline.viewing.film import Walk, record_walk
     from pipeline.viewing.play_page import PlayPage
 

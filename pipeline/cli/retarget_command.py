@@ -1,4 +1,4 @@
-"""`booster-lab retarget IN --out OUT.csv`: a motion file onto the robot, as CSV that `pipeline.readers` reads back.
+"""`booster-lab retarget IN --out OUT.csv`: retarget a motion file to a CSV that `pipeline.readers` can read.
 
 # robot: t1
 # fps: 50
@@ -27,11 +27,11 @@ ROOT_COLUMNS = ("root_x", "root_y", "root_z", "quat_x", "quat_y", "quat_z", "qua
 """Position of the root link [m] and its quaternion xyzw, world frame."""
 
 DECIMALS = 8
-"""10 nm, 10 nrad."""
+"""Decimals of a number: resolution 10 nm, 10 nrad."""
 
 
 def encode_csv(clip: RobotClip, comments: Mapping[str, str]) -> str:
-    """The clip's text: robot, rate and `comments` a line each, the header, a row a frame."""
+    """The clip as CSV: comment lines with robot, rate and `comments`, a header, one row per frame."""
     head = {"robot": clip.robot, "fps": f"{clip.fps:.10g}", **comments}
     lines = [f"# {name}: {' '.join(value.split())}" for name, value in head.items()]
     lines.append(",".join((*ROOT_COLUMNS, *clip.joint_names)))
@@ -48,21 +48,21 @@ FRAME_NOTE = "world, z up; the clip starts above the origin, facing +x"
 
 @dataclass(frozen=True, kw_only=True)
 class Retargeted:
-    """What came of one file."""
+    """Result of retargeting one file."""
 
     read: ReadMotion
     seconds_in: float
-    """Of the clip at its true rate [s]."""
+    """Duration of the clip at its true rate [s]."""
     pieces: tuple[Piece, ...]
     """Robot clips in order of time."""
     reasons: tuple[Reason, ...]
-    """Of all stages, in their order."""
+    """Reasons of all stages, in order."""
 
 
 def run(args: Retarget) -> int:
-    """Do it and say what was done."""
+    """Retarget the file, write the CSV files and print a summary."""
     if args.out.suffix.lower() != ".csv":
-        raise FileError(args.out, f"OUT ends in '{args.out.suffix}'.", "Name a file that ends in .csv.")
+        raise FileError(args.out, f"OUT has the suffix '{args.out.suffix}'.", "Name a file that ends in .csv.")
     project = find_project()
     robot = project.robot(args.robot)
     done = retarget_file(project, args.input, Statement(**vars(args.statement)), robot)
@@ -71,7 +71,7 @@ def run(args: Retarget) -> int:
     clips = [dataclasses.replace(clip.resampled(args.fps), joint_names=named.joint_names) for clip in made]
     if not clips:
         why = " ".join(reason.text for reason in done.reasons if reason.effect == "rejected")
-        raise FileError(args.input, "nothing of it can be retargeted.", with_options(why or "No frames are left."))
+        raise FileError(args.input, "no part of it can be retargeted.", with_options(why or "No frames are left."))
     longest = max(range(len(clips)), key=lambda index: (clips[index].frame_count, -index))
     ordered = [clips[longest], *clips[:longest], *clips[longest + 1 :]]
     paths = [args.out, *(args.out.with_suffix(f".{n}.csv") for n in range(1, len(ordered)))]
@@ -82,7 +82,7 @@ def run(args: Retarget) -> int:
 
 
 def retarget_file(project: Project, path: Path, stated: Statement, robot: Robot) -> Retargeted:
-    """A motion file through all stages up to the robot, the whole clip as one window. Raises FileError, ClipError."""
+    """Run all stages up to retargeting on a file, with the whole clip as one window. Raises FileError, ClipError."""
     chain = Chain(project)
     read = chain.read(path, stated)
     catalogued = chain.catalogued(read)
@@ -110,4 +110,4 @@ def _report(args: Retarget, done: Retargeted, clips: list[RobotClip], paths: lis
         print(f"  {path}: {clip.duration_s:.2f} s, {clip.frame_count} frames")
     left = args.out.with_suffix(f".{len(clips)}.csv")
     if left.exists():
-        print(f"  {left} is left from an earlier run and is not part of this one")
+        print(f"  {left} is from an earlier run and does not belong to this one")

@@ -1,4 +1,4 @@
-"""`booster-lab import-robot` and `check-robot`: a robot folder from its maker's model file, and what it lacks."""
+"""`booster-lab import-robot` and `check-robot`: make a robot folder from a URDF or MJCF, and check it."""
 
 import re
 
@@ -15,13 +15,15 @@ from pipeline.robot_import.write import readme, write_folder
 
 NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
 FOUND = 3
-"""Exit code of a folder with findings; 1 is of a check that could not be done."""
+"""Exit code for a folder with findings; 1 means that the check could not run."""
 
 
 def import_robot(args: ImportRobot) -> int:
-    """Read the model, propose, write the folder, list what is still to state."""
+    """Read the model, propose values, write the folder, list the missing values."""
     if not NAME.match(args.name):
-        raise PipelineError(f"--name is '{args.name}'; write small letters, digits and underscores, a letter first.")
+        raise PipelineError(
+            f"--name is '{args.name}'; use lower-case letters, digits and underscores, starting with a letter."
+        )
     folder = args.out or find_project().robot_folder(args.name)
     if folder.name != args.name:
         raise PipelineError(f"--out is '{folder}'; a robot's folder has the robot's name, '{args.name}'.")
@@ -40,7 +42,7 @@ def import_robot(args: ImportRobot) -> int:
 
 
 def check_robot(args: CheckRobot) -> int:
-    """Print a line for each finding and for each difference."""
+    """Print one line per finding and per difference. Returns the exit code."""
     found = check_folder(args.folder)
     for each in found:
         print(each)

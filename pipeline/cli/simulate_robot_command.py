@@ -1,4 +1,4 @@
-"""`booster-lab simulate-robot OUT.mcap`: a walk in MuJoCo as the log that the robot would have recorded."""
+"""`booster-lab simulate-robot OUT.mcap`: simulate a walk in MuJoCo and write it as a robot log."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ PUSH_S = 0.1
 
 
 def run(args: SimulateRobot) -> int:
-    """Write the log."""
+    """Simulate the walk, write the log and print a summary."""
     if args.out.suffix.lower() != ".mcap":
         raise FileError(args.out, "the log is written as MCAP.", "Name a file that ends in .mcap.")
     _refuse_late(args)
@@ -53,13 +53,13 @@ def run(args: SimulateRobot) -> int:
     differs = "; ".join(trial.words()) or "nothing"
     print(
         f"{args.out}: {args.seconds:g} s of a simulated {robot.name}, {args.out.stat().st_size / 1e3:.0f} kB. "
-        f"It {fell}. Different from its model: {differs}."
+        f"It {fell}. Differences from its model: {differs}."
     )
     return 0
 
 
 def _refuse_late(args: SimulateRobot) -> None:
-    """Raises PipelineError for an event that begins after the log's end: the log would be without it."""
+    """Raise PipelineError for an event that starts after the end of the log."""
     given = args.events
     begins = [("push", start) for start, _, _ in given.push]
     begins += [("hold", given.hold[0])] if given.hold else []
@@ -68,19 +68,18 @@ def _refuse_late(args: SimulateRobot) -> None:
     for option, start_s in begins:
         if start_s >= args.seconds:
             raise PipelineError(
-                f"--{option} begins at {start_s:g} s, and the log ends at {args.seconds:g} s; "
-                "lengthen it with --seconds."
+                f"--{option} starts at {start_s:g} s, but the log ends at {args.seconds:g} s; increase --seconds."
             )
 
 
 def _controller(project: Project, robot: Robot, args: SimulateRobot) -> tuple[Controller, str]:
-    """What walks, and its digest."""
+    """The controller (policy or script) and its digest."""
     if args.script and args.policy:
         raise PipelineError("--script and --policy exclude each other; name one of them.")
     if args.script:
         pose = read_standing_pose(project.robot_folder(robot.name), robot)
         if pose is None:
-            raise PipelineError(f"scripts stand in the standing pose, which robots/{robot.name}/standing.csv lacks.")
+            raise PipelineError(f"a script starts in the standing pose; robots/{robot.name}/standing.csv is missing.")
         task = deployment_task(robot, kp=pose.kp, kd=pose.kd, default_joint_pos=pose.joint_pos)
         script = SCRIPTS[args.script]
         unknown = [joint for joint in script.offsets if joint not in robot.joint_names]
@@ -97,7 +96,7 @@ def _shipped(project: Project, robot: Robot) -> Path:
     folder = project.shipped_policies(robot.name)
     shipped = sorted(folder.rglob("policy.npz"))
     if not shipped:
-        raise FileError(folder, "no policy ships with the robot.", "Name one: --policy POLICY, or take a --script.")
+        raise FileError(folder, "no policy is shipped with the robot.", "Add --policy POLICY or --script.")
     return shipped[0]
 
 

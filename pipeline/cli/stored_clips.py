@@ -1,4 +1,4 @@
-"""Clips that the graph has made, found by name in the store's manifests, and KP5's criteria of them."""
+"""Clips in the store's manifests by name, and their criteria by KP5."""
 
 import dataclasses
 import difflib
@@ -21,34 +21,34 @@ from pipeline.robot import Robot
 from pipeline.viewing.playlist import MotionSource, Playlist, Shown
 
 MARKS = "@+~/"
-"""What the names of clips made from a clip continue with."""
+"""Separators between the name of a clip and the rest of a derived clip's name."""
 
 MOST_NAMES = 2_000
-"""Clips that are offered at once."""
+"""Maximum number of clips in the list."""
 
 NUMBERS = ("skill", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "penetration_m", "weight")
-"""Numbers that are shown, where a clip has them."""
+"""Numbers of a clip to show."""
 
 EXCLUDED = "excluded_by_person"
 """Code of the reason that `pipeline.selection.without_excluded` gives."""
 
 
 def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
-    """The clip of that name and all that was made from it (`name@…`, `name+…`, `name~…`, `name/…`).
+    """The clip of this name and its derived clips (`name@…`, `name+…`, `name~…`, `name/…`).
 
-    A recording that is no robot clip itself is shown as the robot clips made from it.
-    Raises PipelineError with the names that come near, or with the command that makes clips.
+    A human recording is shown as the robot clips derived from it. Raises PipelineError with similar names, or with the
+    command that makes clips.
     """
     table = read_table(project.store, robot.name)
     sources = MotionSources(table, pieces=True)
     known = sorted({*sources.human, *sources.robot})
     if not known:
         do = f"dagster asset materialize --select {asset_of(DATABASE, robot.name)}"
-        raise PipelineError(f"'{text}' is no file, and the store has no clips yet; make them with: {do}")
+        raise PipelineError(f"'{text}' is not a file, and the store has no clips yet; to make them: {do}")
     stem = text.rstrip(MARKS)
     found = [name for name in known if name == stem or any(name.startswith(stem + mark) for mark in MARKS)]
     if not found:
-        raise PipelineError(f"'{text}' is neither a file nor a clip of the store; near it are: {_near(text, known)}")
+        raise PipelineError(f"'{text}' is neither a file nor a clip of the store; similar names: {_near(text, known)}")
     made = [name for name in found if name in sources.robot and "~" not in name]
     names = [stem] if stem in sources.robot else (made or found)[:MOST_NAMES]
     beside = [name for name in found if name not in set(names)][:MOST_NAMES]
@@ -67,13 +67,13 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
 
 
 def reference_of(project: Project, rollout: RobotClip, robot: Robot) -> RobotClip | None:
-    """The frames that a rollout of the database tracked; None for another clip, or where the store lacks them."""
+    """The reference frames of a rollout in the database; None for other clips, or if they are not in the store."""
     sources = MotionSources(read_table(project.store, robot.name), pieces=True)
     return _source(sources, rollout.name).load_reference(project.store, rollout)
 
 
 def _source(sources: MotionSources, name: str) -> MotionSource:
-    """Where the motions of a clip are, in its latest state."""
+    """The motion source of a clip at its last stage."""
     return sources.of(ClipRow(clip=name, stage="", verdict="", numbers=_numbers(sources, name)))
 
 
@@ -83,7 +83,7 @@ def _numbers(sources: MotionSources, name: str) -> dict[str, Any]:
 
 
 def _near(name: str, names: Sequence[str]) -> str:
-    """Names that come near, or the first ones."""
+    """Similar names, else the first ones."""
     return ", ".join(difflib.get_close_matches(name, names, n=5, cutoff=0.3) or names[:5])
 
 
@@ -95,14 +95,13 @@ def _text(numbers: dict[str, Any], reasons: list[dict[str, Any]]) -> str:
 
 
 Row = dict[str, Any]
-"""A row of the table; its columns are `criteria_table.COLUMNS`."""
+"""A row of the criteria table; its columns are `criteria_table.COLUMNS`."""
 
 
 def judged(project: Project, name: str, robot: str) -> list[Row]:
-    """Rows of the table of criteria: of the clip of that name, of the one that was kept under it, or of all clips made
-    from it (`name@…`, `name~…`, `name/…`). What is no number is None.
+    """Rows of the criteria table for the clip or kept piece of this name, else for all derived clips.
 
-    Raises FileError where nothing was judged yet.
+    NaN becomes None. Raises FileError if KP5 has not evaluated anything yet.
     """
     rows = _rows(project, robot)
     for column in ("clip", "piece"):
@@ -113,15 +112,15 @@ def judged(project: Project, name: str, robot: str) -> list[Row]:
 
 
 def rejected(project: Project, name: str, robot: str) -> list[ClipRow]:
-    """Where the clip of that name, or each clip made from it, ended before it had criteria.
+    """Rows of the clip of this name, or its derived clips, that were rejected before KP5.
 
-    Raises PipelineError with the names that come near.
+    Raises PipelineError with similar names.
     """
     rows = read_table(project.store, robot).rows
     found = [row for row in rows if row.clip == name or _made_from(row.clip, name)]
     if not found:
         near = _near(name, sorted({each for row in rows for each in (row.clip, *row.pieces)}))
-        raise PipelineError(f"'{name}' is neither a file nor a clip that was judged; near it are: {near}")
+        raise PipelineError(f"'{name}' is neither a file nor an evaluated clip; similar names: {near}")
     return found
 
 
@@ -138,7 +137,7 @@ def clip_of(database_file: Path) -> str:
 
 
 def excluded(project: Project, rows: Sequence[Row], robot: str) -> dict[str, str]:
-    """Clips that KP5 accepted, according to its table, and that a person excluded -> the decision as a sentence."""
+    """Clip that KP5 accepted and a person excluded -> the decision as a message."""
     manifest = project.store.load(asset_of(LAST, robot))
     gone = {row["piece"] for row in rows if row["piece"]} - {clip for (clip,) in manifest.kept("clip")}
     if not gone:
@@ -150,9 +149,11 @@ def excluded(project: Project, rows: Sequence[Row], robot: str) -> dict[str, str
 
 
 def as_text(rows: Sequence[Row], decisions: Mapping[str, str]) -> str:
-    """Every criterion of one clip, stretch by stretch; of several clips a line each.
+    """All criteria of one clip in order of time; for several clips, one line each.
 
-    `decisions`: clips that a person excluded (`excluded`).
+    Args:
+        rows: rows of the criteria table
+        decisions: clips that a person excluded (`excluded`)
     """
     if len({row["clip"] for row in rows}) > 1:
         return _overview(rows, decisions)
@@ -167,9 +168,9 @@ def _rows(project: Project, robot: str) -> list[Row]:
 
 
 def _stretch(own: Sequence[Row], decisions: Mapping[str, str]) -> str:
-    """A table of the criteria of one stretch, and what is wrong with it."""
+    """A table of the criteria of one part of a clip, and the messages of broken ones."""
     first = own[0]
-    fate = f"kept as '{first['piece']}'" if first["piece"] else "not kept as it is"
+    fate = f"kept as '{first['piece']}'" if first["piece"] else "not kept as a whole"
     if first["piece"] in decisions:
         fate = f"not kept: {decisions[first['piece']]}"
     head = f"{first['clip']}, {first['start_s']:.2f} to {first['stop_s']:.2f} s: {fate}"
@@ -194,7 +195,7 @@ def _cells(row: Row) -> Sequence[str]:
 
 
 def _overview(rows: Sequence[Row], decisions: Mapping[str, str]) -> str:
-    """A line a clip."""
+    """One line per clip."""
     lines = []
     for clip, group in itertools.groupby(rows, key=lambda row: row["clip"]):
         own = list(group)

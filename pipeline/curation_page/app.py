@@ -1,4 +1,4 @@
-"""The routes, served to this machine alone: GET changes nothing, changes are POST requests that `guard` checks."""
+"""Routes of the curator's page. GET requests read; POST requests change something and are checked by `guard`."""
 
 import json
 import re
@@ -31,37 +31,38 @@ from pipeline.release.page import style_source
 
 STATIC = Path(__file__).parent / "static"
 KEY = re.compile(r"[0-9a-f]{32}")
-FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
-"""Of what is named by its content."""
-NOT_KEPT = {"Cache-Control": "no-store"}
+IMMUTABLE = {"Cache-Control": "private, max-age=31536000, immutable"}
+"""Headers of content that is addressed by its digest and thus never changes."""
+NO_STORE = {"Cache-Control": "no-store"}
 
 
 class RequestError(PipelineError):
-    """A request without what it must have."""
+    """A request with a missing or invalid field."""
 
 
 def make_app(workplace: Workplace, token: str) -> Guard:
-    """The application.
+    """The ASGI application.
 
     Args:
-        workplace: the project that is shown
-        token: what a change must state
+        workplace: the project to show
+        token: token that each change requires
     """
     runs = Runs(workplace)
-    making: list[ThumbnailProcess] = []
+    thumbnail_process: list[ThumbnailProcess] = []
 
     @asynccontextmanager
-    async def life(_: Starlette) -> AsyncIterator[None]:
-        making.append(ThumbnailProcess(workplace.project.root, workplace.robot_name))
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        thumbnail_process.append(ThumbnailProcess(workplace.project.root, workplace.robot_name))
         yield
-        making.pop().stop()
+        thumbnail_process.pop().stop()
         runs.stop()
 
     def state(_: Mapping[str, Any]) -> dict[str, Any]:
-        counts = {"made": making[0].made, "wanted": making[0].wanted} if making else {"made": 0, "wanted": 0}
+        counts = [(each.made, each.total) for each in thumbnail_process] or [(0, 0)]
+        thumbnails = dict(zip(("made", "total"), counts[0], strict=True))
         database = asset_of(DATABASE, workplace.robot_name)
         versions = {"version": workplace.version(), "answers": workplace.answers_version()}
-        return {"database": database, **versions, "thumbnails": counts, **runs.state()}
+        return {"database": database, **versions, "thumbnails": thumbnails, **runs.state()}
 
     reads = {
         "clip": lambda query: workplace.clip(_text(query, "name")),
@@ -101,15 +102,15 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         *(Route(f"/api/{name}", _answered(partial(_change, each)), methods=["POST"]) for name, each in changes.items()),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
-    return Guard(Starlette(routes=routes, lifespan=life), token)
+    return Guard(Starlette(routes=routes, lifespan=lifespan), token)
 
 
 async def _index(_: Request) -> Response:
-    return FileResponse(STATIC / "index.html", headers=NOT_KEPT)
+    return FileResponse(STATIC / "index.html", headers=NO_STORE)
 
 
 def _release(workplace: Workplace) -> Callable[[Request], Any]:
-    """The page that a person signs; its style sheet and pictures are within it, and it has no scripts."""
+    """Route of the release report, a self-contained page without scripts."""
     policy = f"default-src 'none'; img-src data:; style-src {style_source()}; frame-ancestors 'none'"
 
     async def answer(request: Request) -> Response:
@@ -121,13 +122,13 @@ def _release(workplace: Workplace) -> Callable[[Request], Any]:
         if path is None:
             command = f"dagster asset materialize --select {asset_of('release_report', robot)}"
             return PlainTextResponse(f"There is no release report yet. Run: {command}\n", status_code=404)
-        return FileResponse(path, headers={**NOT_KEPT, "Content-Security-Policy": policy})
+        return FileResponse(path, headers={**NO_STORE, "Content-Security-Policy": policy})
 
     return answer
 
 
 def _answered(work: Callable[[Request, bytes], Response]) -> Callable[[Request], Any]:
-    """A route: what `work` makes of a request and its body, in a thread; an error of the project becomes a sentence."""
+    """Route that calls `work(request, body)` in a thread and turns errors into JSON with a message."""
 
     async def answer(request: Request) -> Response:
         body = await request.body()
@@ -138,35 +139,35 @@ def _answered(work: Callable[[Request, bytes], Response]) -> Callable[[Request],
         except PipelineError as error:
             return JSONResponse({"error": str(error)}, status_code=400)
         except OSError as error:
-            return JSONResponse({"error": f"the disk refused: {error}"}, status_code=500)
+            return JSONResponse({"error": f"reading or writing a file failed: {error}"}, status_code=500)
 
     return answer
 
 
 def _bytes(data: bytes, media: str = "application/octet-stream") -> Response:
-    return Response(data, media_type=media, headers=NOT_KEPT)
+    return Response(data, media_type=media, headers=NO_STORE)
 
 
 def _read(function: Callable[[Mapping[str, Any]], Any], request: Request, _: bytes) -> Response:
-    return JSONResponse(without_nan(function(request.query_params)), headers=NOT_KEPT)
+    return JSONResponse(without_nan(function(request.query_params)), headers=NO_STORE)
 
 
 def _thumbnail(workplace: Workplace, request: Request, _: bytes) -> Response:
     key = request.path_params["key"]
     data = workplace.thumbnail(key) if KEY.fullmatch(key) else None
     if data is None:
-        return JSONResponse({"error": "there is no such thumbnail"}, status_code=404)
-    return Response(data, media_type="application/octet-stream", headers=FOR_EVER if data else NOT_KEPT)
+        return JSONResponse({"error": "there is no thumbnail with this name"}, status_code=404)
+    return Response(data, media_type="application/octet-stream", headers=IMMUTABLE if data else NO_STORE)
 
 
 def _change(function: Callable[[Mapping[str, Any]], Any], _: Request, body: bytes) -> Response:
     try:
         value = json.loads(body)
     except (ValueError, RecursionError) as error:
-        raise RequestError("the request is no JSON") from error
+        raise RequestError("the request is not valid JSON") from error
     if not isinstance(value, dict):
-        raise RequestError("the request is no JSON object")
-    return JSONResponse({"done": function(value)}, headers=NOT_KEPT)
+        raise RequestError("the request is not a JSON object")
+    return JSONResponse({"done": function(value)}, headers=NO_STORE)
 
 
 def _text(value: Mapping[str, Any], name: str) -> str:
@@ -187,9 +188,9 @@ PORTS_TRIED = 20
 
 
 class CurationServer:
-    """The server on the first free port from `port` on.
+    """The server, on the first free port from `port` on.
 
-    `url` opens it with the token of this start; whoever has that address may change the project's curation.
+    `url` contains the token of this start; anyone with this address can change the project's curation.
     """
 
     def __init__(self, root: Path, robot: str, port: int) -> None:
@@ -197,7 +198,7 @@ class CurationServer:
         self._socket = _free_socket(port)
         self.port = int(self._socket.getsockname()[1])
         workplace = Workplace(root, robot)
-        workplace.clips()  # before the address is shown, so that the first page has nothing to wait for
+        workplace.clips()  # before the address is shown, so that the first page loads at once
         workplace.make_first_thumbnails()
         app = make_app(workplace, self.token)
         config = uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, ws="none")
@@ -212,12 +213,12 @@ class CurationServer:
         self._server.run(sockets=[self._socket])
 
     def stop(self) -> None:
-        """Let `run` return."""
+        """Make `run` return."""
         self._server.should_exit = True
 
 
 def _free_socket(port: int) -> socket.socket:
-    """A socket bound to the first free port of this machine's loopback. Raises PipelineError."""
+    """A socket bound to the first free loopback port. Raises PipelineError."""
     for each in range(port, min(port + PORTS_TRIED, 65536)) if port else [0]:
         found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -227,4 +228,4 @@ def _free_socket(port: int) -> socket.socket:
             found.close()
             continue
         return found
-    raise PipelineError(f"no port from {port} to {port + PORTS_TRIED - 1} is free; name another one with --port.")
+    raise PipelineError(f"no port from {port} to {port + PORTS_TRIED - 1} is free; choose another one with --port.")

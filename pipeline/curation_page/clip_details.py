@@ -1,6 +1,6 @@
-"""Everything the page of one clip shows besides its motion: verdict, reasons, criteria, lineage, weights.
+"""Data of the page of one clip, without its motion: verdict, reasons, criteria, lineage, weights.
 
-`proposals`: proposed changes with their evidence, and the answers to them.
+`proposals` returns the data of the proposals page: proposed changes, their evidence, and the answers to them.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ from pipeline.batch import Manifest
 from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable, NoClipError, asset_of, made_from
 from pipeline.errors import FileError
 from pipeline.feedback.approve import FeedbackFiles
-from pipeline.feedback.change import SECTIONS, Change, place_of, proposal_digest
+from pipeline.feedback.change import SECTIONS, Change, change_key, proposal_digest
 from pipeline.feedback.trust import is_demonstration
 from pipeline.files.csv_json import without_nan
 from pipeline.selection.curation import Decision
@@ -20,22 +20,29 @@ CRITERIA = (
     *("group", "criterion", "number", "threshold", "sense", "unit"),
     *("verdict", "margin", "message", "source", "why"),
 )
-"""Columns of the table of criteria that the page shows."""
+"""Columns of the criteria table on the page."""
 
-MOST_MADE = 500
-"""Clips that are listed of those that were made from another one."""
+MAX_DERIVED = 500
+"""Maximum number of derived clips on the page of a recording, window or variant."""
 
 
 def clip_details(
     table: ClipTable, criteria: pd.DataFrame | None, decisions: tuple[Decision, ...], robot: str, clip: str
 ) -> dict[str, Any]:
-    """The details of a clip as JSON types; of one that passed all its stages, the clips that were made from it.
+    """Details of a clip as JSON types. For a recording, window or variant without a row, the clips derived from it.
 
-    Raises NoClipError for a clip that neither is in the table nor has such clips.
+    Raises NoClipError if the clip is not in the table and has no derived clips.
+
+    Args:
+        table: table of all clips
+        criteria: KP5's criteria table; None without one
+        decisions: decisions on clips
+        robot: name of the robot
+        clip: name of the clip
     """
     row = table.row(clip)
     if row is None:
-        return _passed(table, decisions, clip)
+        return _derived(table, decisions, clip)
     return {
         "clip": row.clip,
         "stage": row.stage,
@@ -52,37 +59,37 @@ def clip_details(
     }
 
 
-def _passed(table: ClipTable, decisions: tuple[Decision, ...], clip: str) -> dict[str, Any]:
-    """The clips of the table that were made from a recording, window or variant. Raises NoClipError."""
+def _derived(table: ClipTable, decisions: tuple[Decision, ...], clip: str) -> dict[str, Any]:
+    """Clips of the table that are derived from a recording, window or variant. Raises NoClipError."""
     made = [row.clip for row in table.rows if clip in ancestors(row)]
     if not made:
         raise NoClipError(clip)
     names = list(dict.fromkeys(made_from(clip)))
     own = [vars(each) for each in decisions if each.clip in {clip, *names}]
-    return {"clip": clip, "made": made[:MOST_MADE], "count": len(made), "names": names, "decisions": own}
+    return {"clip": clip, "made": made[:MAX_DERIVED], "count": len(made), "names": names, "decisions": own}
 
 
 def _names(row: ClipRow) -> list[str]:
-    """What a decision on this clip may name: itself, the window and the recording that it was made from."""
+    """Names that a decision on this clip can refer to: the clip, its window and its recording."""
     return list(dict.fromkeys((row.clip, *made_from(row.clip))))
 
 
 def _starts_s(row: ClipRow) -> float:
-    """Time of the clip's first frame in the times of its reasons [s]: KP2 states times of the whole recording."""
+    """Time of the clip's first frame on the time axis of its reasons [s]; KP2's reasons use the recording's time."""
     fps = float(row.numbers.get("fps") or 0.0)
     start = row.numbers.get("start_frame")
     return float(start) / fps if row.stage == "repaired_motions" and start and fps else 0.0
 
 
 def _pieces(manifest: Manifest | None, row: ClipRow) -> list[dict[str, Any]]:
-    """Each clip of the database that was made from this one: its stretch [s] and weight."""
+    """Clips of the database that are parts of this clip: start and stop [s], weight, family."""
     if manifest is None or row.stage != LAST:
         return []
-    wanted = set(row.pieces)
-    before_s = float(row.numbers.get("stretch_start_s") or 0.0)  # the clip may be a stretch itself
+    pieces = set(row.pieces)
+    before_s = float(row.numbers.get("stretch_start_s") or 0.0)  # the clip itself may be a part of a longer one
     found = []
     for entry in manifest.entries:
-        if entry.clip in wanted:
+        if entry.clip in pieces:
             numbers = entry.numbers
             start_s = float(numbers.get("stretch_start_s") or 0.0) - before_s
             found.append(
@@ -98,7 +105,7 @@ def _pieces(manifest: Manifest | None, row: ClipRow) -> list[dict[str, Any]]:
 
 
 def _criteria(criteria: pd.DataFrame | None, row: ClipRow) -> list[dict[str, Any]]:
-    """Rows of the table of criteria, stretch by stretch; what is no number is None."""
+    """Rows of the criteria table for a clip, in order of time; NaN becomes None."""
     if criteria is None or row.stage != LAST:
         return []
     own = criteria.loc[criteria["clip"] == row.clip, ["start_s", "stop_s", "piece", *CRITERIA]]
@@ -106,7 +113,7 @@ def _criteria(criteria: pd.DataFrame | None, row: ClipRow) -> list[dict[str, Any
 
 
 def _lineage(table: ClipTable, row: ClipRow) -> list[dict[str, Any]]:
-    """What each stage did with the clip and those that it was made from, in the order of the graph."""
+    """Result of each stage for the clip or its ancestor, in the order of the graph."""
     made_from = ancestors(row)
     steps = []
     for stage in STAGES:
@@ -126,27 +133,28 @@ def _lineage(table: ClipTable, row: ClipRow) -> list[dict[str, Any]]:
 
 
 def ancestors(row: ClipRow) -> set[str]:
-    """Names of the clip and of all that it was made from: every beginning of its name that ends before a mark."""
+    """Names of the clip and its ancestors: the prefixes of its name that end before `@`, `+` or `~`, its `parent` and
+    its `reference`."""
     names = {row.clip, *(row.clip[:place] for place, letter in enumerate(row.clip) if letter in "@+~")}
     parents = {str(row.numbers[name]) for name in ("parent", "reference") if row.numbers.get(name)}
     return names | parents
 
 
 def proposals(files: FeedbackFiles) -> dict[str, Any]:
-    """The pending proposal, what is approved and what can't be used, as JSON types."""
+    """The pending proposal, the approved changes and their faults, as JSON types."""
     try:
         changes = files.proposed()
         missing = ""
     except FileError as error:
         changes, missing = (), str(error)
     approvals, declined = files.approvals(), files.declined_changes()
-    places = {place_of(change) for change in changes}
+    proposed = {change_key(change) for change in changes}
     return {
         "proposal": proposal_digest(changes),
         "missing": missing,
         "sections": SECTIONS,
         "changes": [_change(each, _answer(each, approvals.changes, declined)) for each in changes],
-        "lingering": [_change(each, "approved") for each in approvals.changes if place_of(each) not in places],
+        "lingering": [_change(each, "approved") for each in approvals.changes if change_key(each) not in proposed],
         "approved": [
             {"section": entry.section, "by": entry.by, "proposal": entry.proposal, "changes": len(entry.changes)}
             for entry in approvals.entries

@@ -1,9 +1,9 @@
-"""The table of the gallery: one row for each clip that ended somewhere in the graph, in the database or rejected.
+"""Table of the gallery: one row for each clip at its last stage, accepted or rejected.
 
     motion_catalog -> selected -> repaired -> retargeted -> variants -> references -> rollouts -> feasible_motions
 
-A clip that a stage rejected ends there; a clip that KP5 evaluated ends there, accepted or not. A window that KP1 did
-not select is a row of its own.
+The last stage of a clip is the one that rejected it, or KP5 (`feasible_motions`). A window that KP1 did not select has
+a row of its own.
 """
 
 import gc
@@ -22,51 +22,53 @@ HUMAN_STAGES = ("motion_catalog", "selected_motions", "repaired_motions")
 REFERENCES, ROLLOUTS, LAST = "reference_motions", "augmented_motions", "feasible_motions"
 ROBOT_STAGES = ("retargeted_motions", "motion_variants", REFERENCES, ROLLOUTS, LAST)
 STAGES = (*HUMAN_STAGES, *ROBOT_STAGES)
-"""Assets in the order of the graph."""
+"""Stages in the order of the graph."""
 
 DATABASE = "expert_db"
-"""The asset that is made of the last stage."""
+"""The asset of the database, downstream of the last stage."""
 
 ACCEPTED, PARTLY, REJECTED, WAITING = "accepted", "partly", "rejected", "waiting"
 VERDICTS = (ACCEPTED, PARTLY, REJECTED, WAITING)
-"""`waiting`: the next stage was never materialized."""
+"""Verdicts of a row; `waiting`: the next stage was never materialized."""
 
 
 class NoClipError(PipelineError):
-    """A name that no current clip has."""
+    """There is no current clip of this name."""
 
     def __init__(self, clip: str):
-        problem = f"there is no clip '{clip}' now; it may have left the database." if clip else "no clip is named."
+        problem = (
+            f"there is no clip '{clip}'; it may have been removed from the database." if clip else "no clip is named."
+        )
         super().__init__(problem)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClipRow:
-    """A clip, where it ended, and its numbers."""
+    """A clip with its last stage, verdict and numbers."""
 
     clip: str
     stage: str
-    """The stage that rejected it, or the last one that took it in."""
+    """The stage that rejected it, or the last stage with it as input."""
     verdict: str
     """One of `VERDICTS`."""
     numbers: Mapping[str, Any] = field(default_factory=dict)
     reasons: tuple[Mapping[str, Any], ...] = ()
-    """Of the stage it ended at."""
+    """Reasons of this stage."""
     pieces: tuple[str, ...] = ()
-    """Clips of the database that were made from it."""
+    """Clips of the database that are parts of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClipTable:
-    """All rows, and the manifests they were read from."""
+    """All rows, and the manifests that they were read from."""
 
     rows: tuple[ClipRow, ...]
-    """In order of their names."""
+    """Rows, sorted by name."""
     manifests: Mapping[str, Manifest]
     """Stage -> its current manifest; stages that were never materialized are missing."""
 
     def row(self, clip: str) -> ClipRow | None:
-        """The row of a clip, or of the clip that it is a piece of."""
+        """The row of a clip, or of the clip that it is a part of; None without one."""
         return self._by_name.get(clip)
 
     @cached_property
@@ -78,23 +80,22 @@ _WINDOW = re.compile(r"(?P<window>(?P<recording>.*)@\d+-\d+)(?:\+\d+)*(?:~.*)?",
 
 
 def made_from(clip: str) -> tuple[str, str]:
-    """The window and the recording that a clip was made from, by its name; both are the clip where it has no window.
+    """Names of the window and the recording of a clip, parsed from its name; without a window, both are the clip.
 
-    The names are those of KP1: a repaired piece (`…+1`) is of the window that was selected. A file's own name may
-    contain the marks `@`, `+` and `~`.
+    For a repaired piece (`…+1`), it is the window that KP1 selected. File names may contain `@`, `+` and `~`.
     """
     match = _WINDOW.fullmatch(clip)
     return (match["window"], match["recording"]) if match else (clip, clip)
 
 
 def asset_of(stage: str, robot: str) -> str:
-    """Key of a stage's asset, with slashes."""
+    """Key of a stage's asset, separated by slashes."""
     return stage if stage in HUMAN_STAGES or robot == DEFAULT_ROBOT else f"{robot}/{stage}"
 
 
 def read_table(store: Store, robot: str) -> ClipTable:
-    """The table of a robot's current manifests. Raises FileError for a manifest that can't be read."""
-    with _no_collections():
+    """Read the table from a robot's current manifests. Raises FileError for an unreadable manifest."""
+    with _garbage_collection_paused():
         manifests = {
             stage: store.load(asset_of(stage, robot)).at_hand()
             for stage in STAGES
@@ -105,15 +106,14 @@ def read_table(store: Store, robot: str) -> ClipTable:
 
 
 @contextmanager
-def _no_collections() -> Iterator[None]:
-    """No garbage collection meanwhile: it would go through the millions of values again and again while they are read,
-    and none of them is garbage."""
-    was = gc.isenabled()
+def _garbage_collection_paused() -> Iterator[None]:
+    """Pause garbage collection while millions of values are read: repeated scans of them would only take time."""
+    was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        if was:
+        if was_enabled:
             gc.enable()
 
 
@@ -123,26 +123,26 @@ def _rows(manifests: Mapping[str, Manifest]) -> Iterator[ClipRow]:
         inputs = _inputs(manifests, stage)
         entries = {entry.clip: entry for entry in manifests[stage].entries}
         for judged in manifests[stage].judged:
-            taken_in = inputs.get(judged.clip)
+            source = inputs.get(judged.clip)
             if stage == "selected_motions":
-                yield from _windows_not_taken(judged, taken_in)
+                yield from _unselected_windows(judged, source)
             elif stage == LAST or not judged.pieces:
-                yield _row(stage, judged, taken_in, [entries[name] for name in judged.pieces if name in entries])
+                yield _row(stage, judged, source, [entries[name] for name in judged.pieces if name in entries])
     if present and present[-1] != LAST:
         numbers = manifests[present[-1]].entries
         yield from (ClipRow(clip=e.clip, stage=present[-1], verdict=WAITING, numbers=e.numbers) for e in numbers)
 
 
 def _inputs(manifests: Mapping[str, Manifest], stage: str) -> dict[str, Entry]:
-    """The clips that a stage took in, by name. KP5 takes rollouts, references, or both."""
+    """Name -> input clip of a stage. The inputs of KP5 are rollouts, references, or both."""
     before = STAGES[: STAGES.index(stage)]
     above = (REFERENCES, ROLLOUTS) if stage == LAST else before[-1:]
     return {entry.clip: entry for name in above if name in manifests for entry in manifests[name].entries}
 
 
-def _row(stage: str, judged: Judged, taken_in: Entry | None, pieces: list[Entry]) -> ClipRow:
-    numbers = {**(taken_in.numbers if taken_in else {}), **judged.numbers}
-    if [piece.clip for piece in pieces] == [judged.clip]:  # a part of it has figures of its own
+def _row(stage: str, judged: Judged, source: Entry | None, pieces: list[Entry]) -> ClipRow:
+    numbers = {**(source.numbers if source else {}), **judged.numbers}
+    if [piece.clip for piece in pieces] == [judged.clip]:  # a shorter part has other figures
         numbers |= pieces[0].numbers
     if pieces:
         numbers["weight"] = sum(float(piece.numbers.get("weight") or 0.0) for piece in pieces)
@@ -156,8 +156,8 @@ def _row(stage: str, judged: Judged, taken_in: Entry | None, pieces: list[Entry]
     )
 
 
-def _windows_not_taken(judged: Judged, recording: Entry | None) -> Iterator[ClipRow]:
-    """Rows of the windows of a recording that KP1 did not select; of the recording, if it has no window at all."""
+def _unselected_windows(judged: Judged, recording: Entry | None) -> Iterator[ClipRow]:
+    """Yield rows of the windows that KP1 did not select; of the recording itself if it has no windows."""
     numbers = recording.numbers if recording else {}
     window = re.compile(rf"{re.escape(judged.clip)}@(\d+)-(\d+)(?=: )")
     found = False

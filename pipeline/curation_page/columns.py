@@ -1,4 +1,4 @@
-"""The table as columns for the browser: texts as an index into a list, figures as numbers with four digits."""
+"""The table in columns for the browser: texts as indices into a list of names, figures rounded to four digits."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,10 +11,10 @@ from pipeline.feasibility.criterion import REGISTERED, codes
 from pipeline.selection.curation import Decision
 
 FACETS = ("source", "skill", "licence")
-"""Texts of a clip that can be filtered."""
+"""Text columns for filters."""
 
 THRESHOLD_COLUMNS = ("criterion", "threshold")
-"""Columns of the table of criteria that are read here."""
+"""Columns of the criteria table that the gallery needs."""
 
 OTHER_FIGURES: Mapping[str, tuple[str, str]] = {
     "seconds": ("length", "s"),
@@ -36,14 +36,16 @@ OTHER_FIGURES: Mapping[str, tuple[str, str]] = {
     "largest_push_n_s": ("rollout", "N s"),
     "friction": ("rollout", ""),
 }
-"""Figures that are no criteria -> group and unit."""
+"""Figures that are not criteria -> group and unit."""
 
 
 def columns(table: ClipTable, criteria: pd.DataFrame | None, decisions: Iterable[Decision]) -> dict[str, Any]:
-    """The table in the form that the browser reads; equal tables give equal values.
+    """The table for the browser as JSON types.
 
     Args:
-        criteria: KP5's table of criteria, for the thresholds; None where there is none
+        table: table of all clips
+        criteria: KP5's criteria table, for the thresholds; None without one
+        decisions: decisions on clips
     """
     rows = table.rows
     decided = {each.clip: each for each in decisions}
@@ -60,19 +62,19 @@ def columns(table: ClipTable, criteria: pd.DataFrame | None, decisions: Iterable
 
 
 def _figures(rows: Sequence[ClipRow], criteria: pd.DataFrame | None) -> list[dict[str, Any]]:
-    """All figures that any clip has, criteria first, in the order of the tables.
+    """All figures that at least one clip has, criteria first.
 
-    `lower`: whether small values are bad; `thresholds`: smallest and largest threshold that clips were compared with,
-    since some depend on the speed, or None where the figure is no criterion.
+    `lower`: whether small values are bad. `thresholds`: smallest and largest threshold of all clips, because some
+    thresholds depend on speed; None if the figure is not a criterion.
     """
     limits = _thresholds(criteria)
-    wanted: dict[str, tuple[str, str, bool]] = {
+    known: dict[str, tuple[str, str, bool]] = {
         code: (REGISTERED[code].group, REGISTERED[code].unit, REGISTERED[code].lower) for code in codes()
     }
     for name, (group, unit) in OTHER_FIGURES.items():
-        wanted.setdefault(name, (group, unit, False))
+        known.setdefault(name, (group, unit, False))
     found = []
-    for name, (group, unit, lower) in wanted.items():
+    for name, (group, unit, lower) in known.items():
         values = _values(rows, name)
         if values is not None:
             facts = {"name": name, "group": group, "unit": unit, "lower": lower}
@@ -81,12 +83,12 @@ def _figures(rows: Sequence[ClipRow], criteria: pd.DataFrame | None) -> list[dic
 
 
 def _values(rows: Sequence[ClipRow], name: str) -> list[float | None] | None:
-    """The figure of each clip; None where no clip has it."""
-    values = [_short(row.numbers.get(name)) for row in rows]
+    """Values of a figure for all clips; None if no clip has it."""
+    values = [_rounded(row.numbers.get(name)) for row in rows]
     return values if any(value is not None for value in values) else None
 
 
-def _short(value: Any) -> float | None:
+def _rounded(value: Any) -> float | None:
     if value is None or not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
         return None
     return float(f"{value:.4g}")
@@ -102,11 +104,11 @@ def _thresholds(criteria: pd.DataFrame | None) -> dict[str, list[float]]:
 
 
 def _coded(values: list[str], names: Sequence[str] = ()) -> dict[str, Any]:
-    """Texts as their place in a list of names, which are in order; given ones first."""
+    """Encode texts as indices into a list of names: `names` first, then the others sorted."""
     known = {name: place for place, name in enumerate(dict.fromkeys([*names, *sorted(set(values))]))}
     return {"names": list(known), "codes": [known[value] for value in values]}
 
 
 def _first_rejection(row: ClipRow) -> str:
-    """Code of the first reason that rejected something of the clip."""
+    """Code of the first reason with the effect `rejected`."""
     return next((str(reason["code"]) for reason in row.reasons if reason.get("effect") == "rejected"), "")

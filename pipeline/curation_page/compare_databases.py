@@ -1,4 +1,4 @@
-"""What a database has that another one lacks, what it lost, and why."""
+"""Comparison of two versions of a database: added, removed and changed clips, and why clips were removed."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +17,7 @@ WEIGHT_LINE = b'"MotionWeight":'
 
 
 def versions(folder: Path) -> list[history.Version]:
-    """The database in place first, then the earlier ones, the newest first."""
+    """Versions of the database: the current one, then earlier ones from new to old."""
     found = history.read_versions(folder)
     try:
         return [history.describe(folder, CURRENT), *found]
@@ -26,10 +26,17 @@ def versions(folder: Path) -> list[history.Version]:
 
 
 def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: tuple[Decision, ...]) -> dict[str, Any]:
-    """Clips that came, left, changed or were weighted differently from one version to another.
+    """Compare two versions: added (`came`), removed (`left`) and changed clips, and changed weights, as JSON types.
 
-    Why a clip left is read from the current manifests, so it is known where the later version is the current one.
+    The reason for a removal comes from the current manifests, so it is only valid if `after` is the current version.
     Raises UnknownNameError, FileError.
+
+    Args:
+        folder: folder of the database
+        before: name of the earlier version
+        after: name of the later version
+        table: table of all clips
+        decisions: decisions on clips
     """
     known = {each.name: each for each in versions(folder)}
     for name in (before, after):
@@ -44,7 +51,7 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
         clip
         for clip in both
         if old[clip]["sha256"] != new[clip]["sha256"]
-        and not _differ_in_weight_alone(folders[0] / old[clip]["file"], folders[1] / new[clip]["file"])
+        and not _differ_only_in_weight(folders[0] / old[clip]["file"], folders[1] / new[clip]["file"])
     ]
     moved = [clip for clip in both if abs(old[clip]["weight"] - new[clip]["weight"]) > WEIGHT_TOLERANCE]
     return {
@@ -61,8 +68,8 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
     }
 
 
-def _differ_in_weight_alone(one: Path, other: Path) -> bool:
-    """Whether two files of a clip have the same lines but for the one of its weight. A file that is gone differs."""
+def _differ_only_in_weight(one: Path, other: Path) -> bool:
+    """Whether two clip files are equal except for the line with the weight; False if a file is missing."""
     try:
         lines = zip(one.read_bytes().splitlines(), other.read_bytes().splitlines(), strict=True)
         return all(a == b or (a.startswith(WEIGHT_LINE) and b.startswith(WEIGHT_LINE)) for a, b in lines)
@@ -71,7 +78,7 @@ def _differ_in_weight_alone(one: Path, other: Path) -> bool:
 
 
 def _why_absent(clip: str, table: ClipTable, excluded: Mapping[str, Decision]) -> str:
-    """Why a clip is not in the current database: its own reasons, or those of what it was made from."""
+    """Why a clip is not in the current database: the reasons of the clip, or of its nearest rejected ancestor."""
     names = [clip, *sorted({clip[:place] for place, letter in enumerate(clip) if letter in "@+~"}, key=len)[::-1]]
     for name in names:
         if name in excluded:
@@ -81,11 +88,13 @@ def _why_absent(clip: str, table: ClipTable, excluded: Mapping[str, Decision]) -
         texts = [str(each["text"]) for each in row.reasons if each.get("effect") == "rejected"] if row else []
         if texts:
             return "; ".join(texts)
-    return "no stage makes a clip of this name any more: its recording left the sources, or its window changed"
+    return (
+        "no stage produces a clip of this name now: its recording was removed from the sources, or its window changed"
+    )
 
 
 def _read(folder: Path) -> dict[str, dict[str, Any]]:
-    """Clip -> its facts. Raises FileError."""
+    """Clip -> its row of the index. Raises FileError."""
     path = folder / index.FILE
     try:
         table = index.read_table(path)

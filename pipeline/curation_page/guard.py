@@ -1,12 +1,12 @@
-"""Who may talk to the server: this machine's browser on its own pages, and for changes only with the token.
+"""Access control of the server: only this machine's browser on the server's own pages; changes require a token.
 
-- A request whose `Host` is not this server's loopback name is refused, so that a foreign name that resolves to
-  127.0.0.1 (DNS rebinding) reaches nothing.
-- Only GET and HEAD read, and they change nothing. POST changes something and needs the header `X-Booster-Lab-Token`, an
-  `Origin` that is this server's if the browser sends one, and a JSON body. A page of another origin can't send that
-  header without a preflight, which is never answered.
-- The token is made at each start and shown on the terminal alone, in the fragment of the address, which browsers send
-  to no server.
+- `Host` must be a loopback name of this server. This prevents DNS rebinding: a foreign name that resolves to 127.0.0.1
+  is refused.
+- GET and HEAD only read. POST changes something and requires the header `X-Booster-Lab-Token`, a JSON body and, if the
+  browser sends `Origin`, the origin of this server. A page of another origin can't send that header without a CORS
+  preflight, which is never granted.
+- The token is generated at each start and shown only on the terminal, in the fragment of the address, which browsers
+  do not send to servers.
 """
 
 import hmac
@@ -20,8 +20,8 @@ from pipeline import loopback
 
 TOKEN_HEADER = "x-booster-lab-token"
 READING = ("GET", "HEAD")
-MOST_BYTES = 2_000_000
-"""Of a request's body."""
+MAX_BODY_BYTES = 2_000_000
+"""Maximum size of a request's body."""
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -37,17 +37,17 @@ App = Callable[[Scope, Callable[[], Awaitable[Any]], Callable[[Any], Awaitable[N
 
 
 class Guard:
-    """ASGI middleware that refuses what is not allowed and adds the security headers to every answer."""
+    """ASGI middleware that refuses requests and adds security headers to every response."""
 
     def __init__(self, app: App, token: str) -> None:
         self._app, self._token = app, token
 
     async def __call__(self, scope: Scope, receive: Callable[[], Awaitable[Any]], send: Callable[[Any], Any]) -> None:
-        """Pass a request on, or answer it with a refusal."""
+        """Forward a request to the application, or refuse it."""
         if scope["type"] != "http":
             if scope["type"] == "lifespan":
                 await self._app(scope, receive, send)
-            return  # no web sockets here
+            return  # web sockets are not supported
         refusal = self._refusal(str(scope["method"]), Headers(scope=scope))
 
         async def send_with_headers(message: MutableMapping[str, Any]) -> None:
@@ -61,7 +61,7 @@ class Guard:
         await (refusal or self._app)(scope, receive, send_with_headers)
 
     def _refusal(self, method: str, headers: Headers) -> Response | None:
-        """The answer to a request that is not allowed; None if it is."""
+        """The response that refuses a request; None if it is allowed."""
         host = headers.get("host", "")
         if not loopback.is_loopback(host):
             return _refused(421, f"this server answers only to {', '.join(loopback.NAMES)}")
@@ -70,16 +70,16 @@ class Guard:
         if method != "POST":
             return _refused(405, f"{method} is not allowed")
         if not loopback.is_same_origin(headers.get("origin"), host):
-            return _refused(403, "a page of another origin may change nothing here")
+            return _refused(403, "pages of another origin can't change anything here")
         if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none"):
-            return _refused(403, "a page of another site may change nothing here")
+            return _refused(403, "pages of another site can't change anything here")
         if headers.get("content-type", "").split(";")[0].strip() != "application/json":
-            return _refused(415, "a change is a JSON object")
+            return _refused(415, "the body of a change must be a JSON object")
         if not hmac.compare_digest(headers.get(TOKEN_HEADER, "").encode(), self._token.encode()):
             return _refused(403, "the token is missing or old; open the address that the terminal shows")
         length = headers.get("content-length", "")
-        if not length.isdecimal() or int(length) > MOST_BYTES:
-            return _refused(413, f"a change has a length, of at most {MOST_BYTES} bytes")
+        if not length.isdecimal() or int(length) > MAX_BODY_BYTES:
+            return _refused(413, f"a change requires the header Content-Length, of at most {MAX_BODY_BYTES} bytes")
         return None
 
 

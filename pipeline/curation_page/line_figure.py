@@ -1,11 +1,11 @@
-"""Motions as thick lines, the form in which the browser draws them: thumbnails and playback alike.
+"""Encoding of motions as thick lines, which the browser draws in thumbnails and playback.
 
-Each primitive of a figure becomes one line with round ends: a capsule is drawn as it is, a box or an ellipsoid along
-its longest side. Positions are whole steps of `STEP_M` from the figure's first position on the ground.
+Each shape of a figure becomes one line with round ends: a capsule exactly, a box or ellipsoid along its longest side.
+Positions are integer multiples of `STEP_M`, relative to the figure's first position on the ground.
 
     bytes: length of the head (uint32, little-endian), head (JSON, padded to a multiple of 4), int16 positions
     head:  {"figures": [{name, fps, frames, lines, radius [m], color, foot, heading, contacts}, …], "step_m": …}
-    positions of a figure: frames x lines x (start xyz, end xyz); MISSING where a part is missing
+    positions of a figure: frames x lines x (start xyz, end xyz); `MISSING` if a part is missing
 """
 
 import json
@@ -24,14 +24,15 @@ MISSING = -32768
 _LARGEST = 32767
 
 LEAST_HALF_M = 0.002
-"""Shortest half length of a line [m]: a browser draws no line of length zero."""
+"""Minimum half length of a line [m]; browsers draw no lines of length zero."""
 
 
 def encode(figures: Sequence[Figure], frames: Sequence[np.ndarray] | None = None) -> bytes:
-    """Bytes of some figures; equal figures give equal bytes.
+    """Encode figures deterministically.
 
     Args:
-        frames: of each figure the indices of the frames that are kept; None: all
+        figures: figures to encode
+        frames: indices of the frames to keep, for each figure; None: all frames
     """
     heads, parts = [], []
     for place, figure in enumerate(figures):
@@ -45,7 +46,7 @@ def encode(figures: Sequence[Figure], frames: Sequence[np.ndarray] | None = None
 
 
 def lines_w(figure: Figure, frames: np.ndarray) -> Float[np.ndarray, "t n 2 3"]:
-    """Start and end of the line of each shape, world frame [m]; NaN where a part is missing."""
+    """Start and end of the line of each shape in the world frame [m]; NaN if a part is missing."""
     owner = np.repeat(np.arange(len(figure.parts)), [len(part.shapes) for part in figure.parts])
     shapes = [shape for part in figure.parts for shape in part.shapes]
     ends = np.array([_ends(shape) for shape in shapes])  # n 2 3, in the part's frame
@@ -55,14 +56,14 @@ def lines_w(figure: Figure, frames: np.ndarray) -> Float[np.ndarray, "t n 2 3"]:
 
 
 def _ends(shape: Shape) -> np.ndarray:
-    """Both ends of a shape's line in its part's frame (2, 3) [m]."""
+    """Ends of a shape's line in the frame of its part [m]. Shape (2, 3)."""
     axis, half, _ = _measures(shape)
     direction = rotation.rotate(np.array(shape.quat), np.eye(3)[axis]) * max(half, LEAST_HALF_M)
     return np.array(shape.pos) + np.stack([-direction, direction])
 
 
 def _measures(shape: Shape) -> tuple[int, float, float]:
-    """Axis of a shape's line, half its length without the round ends, and its radius [m]."""
+    """Index of the axis of a shape's line, its half length without round ends [m], and its radius [m]."""
     size = shape.size
     if shape.kind in ("capsule", "cylinder"):
         half = size[1] if shape.kind == "capsule" else max(size[1] - size[0], 0.0)
@@ -91,7 +92,7 @@ def _head(figure: Figure, frames: np.ndarray) -> dict[str, Any]:
 
 
 def _contacts(figure: Figure) -> list[list[list[float]]] | None:
-    """Of each foot the times it is on the ground, as [start, stop] [s]; None if unknown."""
+    """Contact intervals of each foot as [start, stop] [s]; None if unknown."""
     if figure.contacts is None:
         return None
     feet = (np.asarray(column, dtype=bool) for column in zip(*figure.contacts, strict=True))
@@ -102,7 +103,7 @@ def _contacts(figure: Figure) -> list[list[list[float]]] | None:
 
 
 def _steps(lines: np.ndarray, figure: Figure, frames: np.ndarray) -> np.ndarray:
-    """Positions in steps from the first known place of the figure on the ground, little-endian int16."""
+    """Positions in multiples of `STEP_M` from the first known ground position of the figure, little-endian int16."""
     roots = figure.root_pos_w[frames]
     known = np.flatnonzero(np.isfinite(roots).all(axis=1))
     origin = roots[known[0]] * np.array([1.0, 1.0, 0.0]) if len(known) else np.zeros(3)

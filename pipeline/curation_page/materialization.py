@@ -1,6 +1,6 @@
-"""The graph's run that the page starts: one at a time, as the command a person would type, with its progress.
+"""Runs of `dagster asset materialize` that the page starts, one at a time, with their progress.
 
-A run may compute some clips again from the first stage; `Rerun` compares their results before and after.
+A run can also compute given clips again from the first stage; `Rerun` compares their results before and after.
 """
 
 import json
@@ -25,7 +25,7 @@ from pipeline.errors import PipelineError
 from pipeline.files import digest
 
 LINES = 300
-"""Lines of output that are kept."""
+"""Number of output lines to keep."""
 
 _PROGRESS = re.compile(r"(\w+): (\d+) of (\d+) clips")
 _STAGE = re.compile(r"(\w+): (\d+) clips, (\d+) known, (\d+) to work on")
@@ -33,7 +33,7 @@ _TIME = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d [+-]\d{4} - dagster - (INFO
 
 
 class Materialization:
-    """A run of `dagster asset materialize` in the project's folder; `state` may be asked at any time."""
+    """A run of `dagster asset materialize` in the project's folder. `state` may be called from any thread."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -46,20 +46,21 @@ class Materialization:
         self._stopped = False
 
     def start(self, *assets: str, again: Sequence[str] = ()) -> None:
-        """Start the run that makes some assets. Raises PipelineError when one is at work already.
+        """Start a run that materializes assets. Raises PipelineError if a run is in progress.
 
         Args:
-            again: clips that each stage works on again although their answers are known
+            assets: keys of the assets
+            again: clips that every stage processes again although their results are cached
         """
         with self._lock:
             if self._process is not None and self._process.poll() is None:
-                raise PipelineError("a run is at work already; wait until it has ended.")
+                raise PipelineError("a run is already in progress; wait until it ends.")
             scripts = str(Path(sys.executable).parent)
             environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ.get('PATH', '')}"}
             environment.pop(AGAIN_VARIABLE, None)
-            listed = _listed(again) if again else None
-            if listed is not None:
-                environment[AGAIN_VARIABLE] = str(listed)
+            clip_file = _clip_file(again) if again else None
+            if clip_file is not None:
+                environment[AGAIN_VARIABLE] = str(clip_file)
             self._lines.clear()
             self._stage = {}
             self._stopped = False
@@ -75,17 +76,17 @@ class Materialization:
                 errors="replace",
                 start_new_session=True,
             )
-            threading.Thread(target=self._follow, args=(self._process, listed), daemon=True).start()
+            threading.Thread(target=self._follow, args=(self._process, clip_file), daemon=True).start()
 
     def stop(self) -> None:
-        """End the run, with all its processes, if one is at work."""
+        """Terminate the run and its child processes, if one is in progress."""
         with self._lock:
             if self._process is not None and self._process.poll() is None:
-                self._stopped = True  # before the signal: the state is read without the lock
+                self._stopped = True  # before the signal, because `state` reads it without the lock
                 os.killpg(self._process.pid, signal.SIGTERM)
 
     def state(self) -> dict[str, Any]:
-        """Whether a run is at work, how the last one ended (`stopped`: by a person), its stage and its last lines."""
+        """State of the run: in progress (`at_work`), exit status, `stopped` by a person, stage, last output lines."""
         process = self._process
         status = process.poll() if process is not None else None
         return {
@@ -98,7 +99,7 @@ class Materialization:
             "lines": list(self._lines),
         }
 
-    def _follow(self, process: subprocess.Popen[str], listed: Path | None) -> None:
+    def _follow(self, process: subprocess.Popen[str], clip_file: Path | None) -> None:
         assert process.stdout is not None
         for line in process.stdout:
             text = line.rstrip("\n")
@@ -106,12 +107,12 @@ class Materialization:
                 self._lines.append(_TIME.sub("", text)[:500])
                 self._stage = stage_of_line(text, self._stage, time.monotonic())
         process.wait()
-        if listed is not None:
-            listed.unlink(missing_ok=True)
+        if clip_file is not None:
+            clip_file.unlink(missing_ok=True)
 
 
-def _listed(clips: Sequence[str]) -> Path:
-    """A file outside the project with the names of some clips, for the run to read."""
+def _clip_file(clips: Sequence[str]) -> Path:
+    """Write clip names to a temporary file for the run."""
     handle, name = tempfile.mkstemp(prefix="booster_lab_again_", suffix=".json")
     with os.fdopen(handle, "w") as stream:
         json.dump(list(clips), stream)
@@ -119,7 +120,13 @@ def _listed(clips: Sequence[str]) -> Path:
 
 
 def stage_of_line(text: str, stage: dict[str, Any], now_s: float) -> dict[str, Any]:
-    """The stage at work after a line of output: its name, clips done and to do, and the time that is left [s]."""
+    """Update the current stage from a line of output.
+
+    Args:
+        text: line of output
+        stage: stage before the line: name, number of clips done and in total, estimated remaining time [s]
+        now_s: time of the line, by a monotonic clock [s]
+    """
     if match := _STAGE.search(text):
         return {"name": match[1], "done": 0, "of": int(match[4]), "known": int(match[3]), "since_s": now_s}
     if match := _PROGRESS.search(text):
@@ -132,23 +139,23 @@ def stage_of_line(text: str, stage: dict[str, Any], now_s: float) -> dict[str, A
 
 
 UNCHANGED, CHANGED, GONE = "unchanged", "changed", "gone"
-SHOWN = 20
-"""Clips that an outcome names."""
+MAX_NAMES = 20
+"""Maximum number of clip names per kind in an outcome."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rerun:
-    """Clips that are worked on again, with their results before."""
+    """Clips to process again, with their previous results."""
 
     before: Mapping[str, str]
-    """Clip -> digest of its result."""
+    """Clip -> digest of its previous result."""
     names: tuple[str, ...]
-    """All clips that the stages work on again: these and those that they were made from."""
+    """The clips and their ancestors, which the stages process again."""
     assets: tuple[str, ...]
     """Assets to materialize, upstream first."""
 
     def outcome(self, table: ClipTable) -> dict[str, Any]:
-        """How many clips have the same result in a table, and which have another one or are gone."""
+        """Compare with the results in a table: number and names of the unchanged, changed and missing clips."""
         found: dict[str, list[str]] = {UNCHANGED: [], CHANGED: [], GONE: []}
         results = _results(table, self.before)
         for clip, before in self.before.items():
@@ -156,12 +163,12 @@ class Rerun:
             found[GONE if after is None else UNCHANGED if after == before else CHANGED].append(clip)
         return {
             "clips": len(self.before),
-            **{kind: {"count": len(clips), "clips": clips[:SHOWN]} for kind, clips in found.items()},
+            **{kind: {"count": len(clips), "clips": clips[:MAX_NAMES]} for kind, clips in found.items()},
         }
 
 
 def rerun_of(table: ClipTable, clips: Iterable[str], robot: str) -> Rerun:
-    """The rerun of some clips of the table, from the recording to the robot's database. Raises NoClipError."""
+    """Rerun of clips from the recording to the robot's database. Raises NoClipError."""
     rows = []
     for clip in dict.fromkeys(clips):
         row = table.row(clip)
@@ -180,7 +187,7 @@ def rerun_of(table: ClipTable, clips: Iterable[str], robot: str) -> Rerun:
 
 
 def _results(table: ClipTable, clips: Iterable[str]) -> dict[str, str]:
-    """Digest of where each clip ended, why, with which figures and motions; clips that are not there are left out."""
+    """Clip -> digest of its last stage, reasons, figures and motions. Clips without a row are left out."""
     rows = {clip: row for clip in clips if (row := table.row(clip)) is not None}
     pieces = {name for row in rows.values() for name in (row.clip, *row.pieces)}
     blobs: dict[str, list[str]] = {}
@@ -192,6 +199,8 @@ def _results(table: ClipTable, clips: Iterable[str]) -> dict[str, str]:
 
 
 def _digest(row: ClipRow, blobs: Mapping[str, list[str]]) -> str:
-    figures = {name: value for name, value in row.numbers.items() if name != "weight"}  # depends on all other clips
+    figures = {
+        name: value for name, value in row.numbers.items() if name != "weight"
+    }  # a weight depends on all other clips
     motions = [blobs.get(name, []) for name in (row.clip, *row.pieces)]
     return digest.of_json([row.stage, row.verdict, list(map(dict, row.reasons)), list(row.pieces), figures, motions])

@@ -1,4 +1,4 @@
-"""Sources of the motions of each row of the table: which blobs show the person and the robot of a clip."""
+"""Stored motions of each row of the table: the blobs with the human motion and the robot motion of a clip."""
 
 import re
 from collections.abc import Mapping
@@ -12,14 +12,15 @@ MIRROR = "mirror"
 _SPEED = re.compile(r"x(\d+(?:\.\d+)?)")
 _STRETCH = re.compile(r"\+\d+$")
 DATABASE_FRAME_S = 0.02
-"""Duration of a frame of a reference [s]."""
+"""Frame period of a reference [s]."""
 
 
 class MotionSources:
-    """The sources of a table's clips, by name.
+    """Motion sources of the clips of a table.
 
     Args:
-        pieces: whether a clip that KP5 kept is shown as the piece that it kept
+        table: table of all clips
+        pieces: whether to show only the part of a clip that KP5 accepted
     """
 
     def __init__(self, table: ClipTable, *, pieces: bool = False) -> None:
@@ -28,7 +29,7 @@ class MotionSources:
         self._references = _entries(table, (REFERENCES,))
 
     def of(self, row: ClipRow) -> MotionSource:
-        """The source of a row; without motions where no stage could read the clip."""
+        """The source of a row; without motions if no stage could read the clip."""
         entry = self.robot.get(row.clip)
         if entry is None:
             recorded = self.human.get(row.clip)
@@ -64,7 +65,7 @@ class MotionSources:
 
 
 def _window(entry: Entry, numbers: Mapping[str, Any]) -> tuple[int, int] | None:
-    """The frames of a window, where the blob is the whole recording (before KP2)."""
+    """First and last frame (exclusive) of a window if the blob is the whole recording (before KP2); else None."""
     in_recording = "floor_m" not in entry.numbers
     own = entry.numbers if entry.numbers.get("start_frame") is not None else numbers
     start, stop = own.get("start_frame"), own.get("stop_frame")
@@ -72,7 +73,7 @@ def _window(entry: Entry, numbers: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def _entries(table: ClipTable, stages: tuple[str, ...]) -> dict[str, Entry]:
-    """Clips of some stages, in their latest state."""
+    """Name -> clip at the last of the given stages."""
     found: dict[str, Entry] = {}
     for stage in stages:
         if stage in table.manifests:

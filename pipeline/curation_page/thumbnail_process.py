@@ -1,10 +1,10 @@
-"""Make the missing thumbnails of all clips, in a process of its own.
+"""Process that makes the missing thumbnails of all clips.
 
-Its priority is low, so that the page never waits for it, and the terminal's Ctrl-C does not reach it: it ends when the
-server's end of its stdin is closed, however the server ended.
+It runs at low priority, so that the page stays responsive. Ctrl-C in the terminal does not reach it; it ends when its
+stdin is closed, however the server ended.
 
-    stdin   kept open by the server as long as thumbnails are wanted
-    stdout  a line `<made> <wanted>` whenever some were made
+    stdin   kept open by the server while thumbnails are needed
+    stdout  a line `<made> <total>` after each group of thumbnails
 """
 
 import os
@@ -16,16 +16,16 @@ import warnings
 from pathlib import Path
 
 END_S = 20.0
-"""Longest time that it takes to end [s]."""
+"""Maximum time until the process ends [s]."""
 NICENESS = 15
 """Priority of the processes that make thumbnails; 19 is the lowest."""
 
 
 class ThumbnailProcess:
-    """The process as the server has it."""
+    """The process, seen from the server."""
 
     def __init__(self, root: Path, robot: str) -> None:
-        self.made, self.wanted = 0, 0
+        self.made, self.total = 0, 0
         code = Path(__file__).resolve().parents[2]
         path = os.pathsep.join(filter(None, (str(code), os.environ.get("PYTHONPATH", ""))))
         self._process = subprocess.Popen(
@@ -39,43 +39,43 @@ class ThumbnailProcess:
         threading.Thread(target=self._follow, daemon=True).start()
 
     def stop(self) -> None:
-        """Let it end, with the processes that it has started."""
+        """Make the process and its workers end."""
         if self._process.stdin is not None:
             self._process.stdin.close()
 
     def _follow(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            made, wanted = line.split()
-            self.made, self.wanted = int(made), int(wanted)
+            made, total = line.split()
+            self.made, self.total = int(made), int(total)
         self._process.wait()
 
 
 def main() -> int:
-    """Make them, as the arguments (folder of the project, name of the robot) say."""
+    """Make the missing thumbnails. Command line arguments: folder of the project, name of the robot."""
     os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
-    warnings.filterwarnings("ignore", message=".*still being processed by the workers")  # when it ends early
+    warnings.filterwarnings("ignore", message=".*still being processed by the workers")  # on an early end
     stop = threading.Event()
     threading.Thread(target=_end_with_server, args=(stop,), daemon=True).start()
-    from pipeline.curation_page.workplace import Workplace  # heavy: only once the priority is low
+    from pipeline.curation_page.workplace import Workplace  # slow import, at low priority
     from pipeline.errors import PipelineError
 
     try:
-        sources, thumbnails = Workplace(Path(sys.argv[1]), sys.argv[2]).wanted_thumbnails()
+        sources, thumbnails = Workplace(Path(sys.argv[1]), sys.argv[2]).thumbnail_sources()
         for made in thumbnails.make_missing(sources, stop):
             print(made, len(sources), flush=True)
-    except (PipelineError, OSError) as error:  # the gallery makes those it shows, and says why it can't
-        print(f"booster-lab curate: thumbnails are made when they are shown: {error}", file=sys.stderr, flush=True)
+    except (PipelineError, OSError) as error:  # the server makes the shown ones on demand and reports errors
+        print(f"booster-lab curate: thumbnails are made only when they are shown: {error}", file=sys.stderr, flush=True)
         return 1
     return 0
 
 
 def _end_with_server(stop: threading.Event) -> None:
-    """Wait for the end of stdin, then let this process end after the thumbnails at hand, or else by force."""
+    """Wait until stdin is closed, then end after the current thumbnails, or after `END_S` by force."""
     sys.stdin.read()
     stop.set()
     time.sleep(END_S)
-    os._exit(0)  # its workers notice and end as well (`ClipPool`)
+    os._exit(0)  # its workers detect it and end too (`ClipPool`)
 
 
 if __name__ == "__main__":

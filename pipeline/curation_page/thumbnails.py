@@ -1,6 +1,6 @@
-"""Thumbnails: two seconds of a clip's person and robot, made once, in parallel, and named by what they show.
+"""Thumbnails: two seconds of the human and robot motion of a clip, cached under the digest of their content.
 
-They lie in `data/store/thumbnails/`; deleting the folder loses nothing but the time to make them again.
+The cache is `data/store/thumbnails/`. It can be deleted; the thumbnails are then made again.
 """
 
 import dataclasses
@@ -21,12 +21,14 @@ from pipeline.viewing.figure import Figure
 from pipeline.viewing.playlist import MotionSource
 
 FORMAT = "booster-lab thumbnail 1"
-"""Part of every name: another form is another thumbnail."""
+"""Version of the format, part of every key."""
 
 LOOP_S = 2.0
+"""Duration of a thumbnail [s]."""
 FPS = 10.0
-CLIPS_A_CALL = 16
-"""Thumbnails that a worker process makes before it reports."""
+"""Approximate frame rate of a thumbnail [Hz]."""
+CLIPS_PER_CALL = 16
+"""Number of thumbnails per call of a worker process."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +45,7 @@ class ThumbnailStore:
         return self.store.root / "thumbnails"
 
     def key(self, source: MotionSource) -> str:
-        """Name of a source's thumbnail: a digest of everything that it shows."""
+        """Key of a source's thumbnail: the digest of its content."""
         human = vars(source.human) if source.human else None
         shown = {**vars(source), "human": human, "clip": None}
         return digest.of_json([FORMAT, self.robot_digest, shown])[:32]
@@ -52,7 +54,7 @@ class ThumbnailStore:
         return self.folder / key[:2] / f"{key}.bin"
 
     def make(self, source: MotionSource) -> bytes:
-        """The thumbnail of a source, made if there is none yet. Empty where there is nothing to draw now."""
+        """The thumbnail of a source, made if it is missing. Empty if there is nothing to draw."""
         path = self.path(self.key(source))
         if path.is_file():
             return path.read_bytes()
@@ -60,15 +62,16 @@ class ThumbnailStore:
         return path.read_bytes() if path.is_file() else b""
 
     def make_missing(self, sources: Mapping[str, MotionSource], stop: threading.Event) -> Iterator[int]:
-        """Make those that are missing, in parallel; after each step how many are there. Ends early once `stop` is set.
+        """Make missing thumbnails in parallel and yield the number of existing ones after each step.
 
         Args:
-            sources: key of a thumbnail -> what it shows
+            sources: key -> source of each thumbnail
+            stop: ends the work early when set
         """
         todo = [(source, self.path(key)) for key, source in sources.items() if not self.path(key).is_file()]
         done = len(sources) - len(todo)
         yield done
-        groups = [todo[start : start + CLIPS_A_CALL] for start in range(0, len(todo), CLIPS_A_CALL)]
+        groups = [todo[start : start + CLIPS_PER_CALL] for start in range(0, len(todo), CLIPS_PER_CALL)]
         calls = [(self.store, self.robot_folder, group) for group in groups]
         for count in self.pool.map(_make_all, calls):
             done += count
@@ -78,9 +81,9 @@ class ThumbnailStore:
 
 
 def _make_all(store: Store, robot_folder: Path, todo: Sequence[tuple[MotionSource, Path]]) -> int:
-    """Make some thumbnails; how many. One whose clip can't be drawn is an empty file: there is nothing to see.
+    """Make thumbnails and return the number of attempts. A clip that can't be drawn gets an empty file.
 
-    A clip that can't be read now gets no file, since the next run of the graph makes its stored motion again.
+    A clip whose stored motion is unreadable gets no file, because the next run restores the motion.
     """
     robot = _robot(robot_folder)
     for source, path in todo:
@@ -100,7 +103,7 @@ def _robot(folder: Path) -> Robot:
 
 
 def thumbnail(store: Store, robot: Robot, source: MotionSource) -> bytes:
-    """Bytes of `LOOP_S` from the middle of a clip, person and robot at the same times; empty without a motion."""
+    """Encode `LOOP_S` from the middle of a clip, human and robot at the same times; empty without a motion."""
     shown = dataclasses.replace(source.load(store, robot), reference=None)
     clips = [clip for clip in (shown.human, shown.robot_clip) if clip is not None]
     if not clips:
@@ -114,7 +117,7 @@ def thumbnail(store: Store, robot: Robot, source: MotionSource) -> bytes:
         if clip is not None
     }
     figures = dataclasses.replace(shown, **cut).figures()
-    return encode(figures, [_times(figure) for figure in figures])
+    return encode(figures, [_frame_indices(figure) for figure in figures])
 
 
 def _frames(clip: object, start_s: float, stop_s: float) -> tuple[int, int]:
@@ -124,6 +127,6 @@ def _frames(clip: object, start_s: float, stop_s: float) -> tuple[int, int]:
     return start, max(min(round(stop_s * fps), count), start + 1)
 
 
-def _times(figure: Figure) -> np.ndarray:
-    """Frames at about `FPS`."""
+def _frame_indices(figure: Figure) -> np.ndarray:
+    """Indices of frames at about `FPS`."""
     return np.arange(0, figure.frame_count, max(round(figure.fps / FPS), 1))

@@ -1,4 +1,4 @@
-"""The clips of a database in the files that other programs load, with the card of these clips beside them.
+"""Export the clips of a database to files that other programs load, with a dataset card.
 
 mjlab, BeyondMimic and GMR: archives without pickle. Rerun: `.rrd` with the poses of all links, joint positions and
 velocities. LeRobot: `lerobot.py`.
@@ -28,8 +28,8 @@ def tracking_archive(clip: RobotClip, robot: Robot) -> bytes:
     """The npz that mjlab's and BeyondMimic's motion loaders read.
 
     `joint_pos`, `joint_vel` (t, j) [rad, rad/s], `body_pos_w`, `body_lin_vel_w`, `body_ang_vel_w` (t, b, 3) [m, m/s,
-    rad/s], `body_quat_w` (t, b, 4) wxyz, `fps` (1,), and the names that upstream leaves out: `joint_names`,
-    `body_names`. Bodies are all links in the order of the robot's model, joints likewise.
+    rad/s], `body_quat_w` (t, b, 4) wxyz, `fps` (1,), and names that the original format lacks: `joint_names`,
+    `body_names`. Links and joints are in the order of the robot's model.
     """
     poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     quat = rotation.make_continuous(poses.quat_w)
@@ -47,7 +47,7 @@ def tracking_archive(clip: RobotClip, robot: Robot) -> bytes:
 
 
 def gmr_archive(clip: RobotClip, robot: Robot) -> bytes:
-    """GMR's arrays in an npz in place of its pickle.
+    """GMR's arrays in an npz instead of its pickle.
 
     `fps`, `root_pos` (t, 3) [m], `root_rot` (t, 4) xyzw, `root_rot_order`, `dof_pos` (t, j) [rad], `dof_names`,
     `local_body_pos` (t, b, 3) [m] of the links in the root's frame and `link_body_list`.
@@ -71,7 +71,7 @@ ARCHIVES: dict[str, Callable[[RobotClip, Robot], bytes]] = {"mjlab": tracking_ar
 
 
 def _npz(**arrays: np.ndarray) -> bytes:
-    """Numbers as float32 (the loaders' own), text as it is; the same bytes for the same clip."""
+    """npz with numbers as float32, as the loaders use, and unchanged texts; deterministic."""
     stream = io.BytesIO()
     plain = {name: each.astype("f4") if each.dtype.kind == "f" else each for name, each in arrays.items()}
     np.savez(stream, allow_pickle=False, **plain)
@@ -80,18 +80,18 @@ def _npz(**arrays: np.ndarray) -> bytes:
 
 APPLICATION = "booster-lab"
 TIME, FRAME = "time", "frame"
-"""Timelines: seconds from the first frame, and the number of the frame."""
+"""Timelines: time from the first frame [s], and index of the frame."""
 
 
 def write_rerun(path: Path, clip: RobotClip, robot: Robot) -> None:
     """Write a recording.
 
-    world/<link>       Transform3D, position [m] and orientation of each link in the world (x ahead, z up)
+    world/<link>       Transform3D, position [m] and orientation of each link in the world (x forward, z up)
     world/links        Points3D, the links' origins
     joint_pos/<joint>  Scalars [rad]
     joint_vel/<joint>  Scalars [rad/s]
 
-    The same clip has the same recording id; row ids in the file are of the time of writing. Raises PipelineError.
+    The same clip has the same recording id; row ids in the file depend on the time of writing. Raises PipelineError.
     """
     try:
         import rerun as rr
@@ -124,9 +124,9 @@ def write_rerun(path: Path, clip: RobotClip, robot: Robot) -> None:
 
 LEROBOT, RERUN = "lerobot", "rerun"
 FORMATS = (*ARCHIVES, LEROBOT, RERUN)
-"""What a database can be exported as."""
+"""Export formats."""
 SUFFIXES = {**dict.fromkeys(ARCHIVES, ".npz"), RERUN: ".rrd"}
-"""Suffix of a clip's file, of formats that have one each."""
+"""Format with one file per clip -> suffix of the file."""
 
 
 def export_database(
@@ -147,8 +147,8 @@ def export_database(
         skills: skills to export; all if empty
         naming: column of the robot's aliases.csv with the joint names to write; None: the robot's own names
 
-    Raises DatabaseError for a database that is not whole, UnknownNameError for a skill that it does not have, and
-    PipelineError for a missing package.
+    Raises DatabaseError for an incomplete or damaged database, UnknownNameError for an unknown skill, PipelineError for
+    a missing package.
     """
     contents = check_database(database)
     known = sorted(set(contents.index["skill"]))
@@ -171,7 +171,7 @@ def export_database(
 
 
 def export_clips(kind: str, clips: Iterable[tuple[RobotClip, str, str]], robot: Robot, out: Path) -> int:
-    """Write clips, each with its skill and its file in the database, into a folder; how many."""
+    """Write clips, each with its skill and its file in the database, into a folder and return their number."""
     if kind == LEROBOT:
         return write_lerobot(out, ((clip, skill) for clip, skill, _ in clips))
     count = 0

@@ -1,13 +1,13 @@
-"""A database as a LeRobotDataset of version 3.0: many episodes in a few Parquet files, and their metadata.
+"""Export to a LeRobotDataset v3.0: many episodes in a few Parquet files, and their metadata.
 
 <folder>/meta/info.json                                robot, rate, features, paths
 <folder>/meta/stats.json                               minimum, maximum, mean, deviation and count of each feature
-<folder>/meta/tasks.parquet                            a row each task: the skills
-<folder>/meta/episodes/chunk-000/file-000.parquet      a row each episode: its task, where its frames are, its figures
-<folder>/data/chunk-000/file-000.parquet               a row each frame
+<folder>/meta/tasks.parquet                            one row per task (skill)
+<folder>/meta/episodes/chunk-000/file-000.parquet      one row per episode: task, place of its frames, statistics
+<folder>/data/chunk-000/file-000.parquet               one row per frame
 
-A clip is an episode, its skill the task. `action` is what a tracking controller would be given: the joint positions of
-the next frame (of the last one: its own). The format is that of https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
+A clip is an episode and its skill is the task. `action` is the target of a tracking controller: the joint positions of
+the next frame (for the last frame, its own). The format is described at https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
 """
 
 import json
@@ -25,9 +25,9 @@ from pipeline.clips.robot_clip import RobotClip
 
 VERSION = "v3.0"
 CHUNK_FILES = 1000
-"""Files of a folder `chunk-000`."""
+"""Maximum number of files per folder `chunk-...`."""
 FILE_MB = 100
-"""Size of a data file, roughly."""
+"""Approximate size of a data file [MB]."""
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES_PATH = "meta/episodes/chunk-000/file-000.parquet"
 INDICES = ("frame_index", "episode_index", "index", "task_index")
@@ -51,7 +51,7 @@ class Figures:
         self.total, self.squares = self.total + values.sum(axis=0), self.squares + (values**2).sum(axis=0)
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """The figures as the format names them."""
+        """The statistics under the names of the format."""
         mean = self.total / self.count
         variance = np.maximum(self.squares / self.count - mean**2, 0.0)
         figures = {"min": self.low, "max": self.high, "mean": mean, "std": np.sqrt(variance)}
@@ -59,7 +59,7 @@ class Figures:
 
 
 def write_lerobot(folder: Path, clips: Iterable[tuple[RobotClip, str]], file_mb: float = FILE_MB) -> int:
-    """Write clips of one robot and rate, each with its skill, into an empty or new folder, one by one; their number."""
+    """Write clips of one robot and rate, each with its skill, into an empty or new folder and return their number."""
     writer: pq.ParquetWriter | None = None
     episodes: list[dict[str, Any]] = []
     tasks: dict[str, int] = {}
@@ -147,12 +147,12 @@ def _wide(values: np.ndarray) -> np.ndarray:
 
 
 def _place(number: int) -> dict[str, int]:
-    """Folder and number in it of a file."""
+    """Indices of the chunk and of the file in it."""
     return {"chunk_index": number // CHUNK_FILES, "file_index": number % CHUNK_FILES}
 
 
 def _episode(columns: dict[str, np.ndarray], episode: int, skill: str, first: int, number: int) -> dict[str, Any]:
-    """A row of the table of episodes."""
+    """A row of the episode table."""
     count = len(columns["index"])
     place = _place(number)
     row: dict[str, Any] = {

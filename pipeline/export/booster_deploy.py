@@ -4,9 +4,9 @@
     tasks/booster_lab/walk.py        gains, pose and joints of the policy on the vendor's robot
     tasks/booster_lab/models/policy.pt
 
-The vendor's locomotion policy class reads the observation that ours is trained on, so that no code of it is repeated:
-`walk.py` has numbers only. Gains are given by joint name and put into the order of the vendor's robot there; a joint
-that one side lacks stops the import.
+The vendor's locomotion policy class reads the observation that ours is trained on, so that no code is copied: `walk.py`
+only has numbers. Gains are listed by joint name and sorted into the order of the vendor's robot; the import fails if a
+joint is missing on one side.
 """
 
 import math
@@ -26,15 +26,15 @@ TASK = "booster_lab_walk"
 FOLDER = Path("tasks") / "booster_lab"
 MODEL = "models/policy.pt"
 PROGRAMS = "deployment.yaml"
-"""Names that deployment programs have for a robot, in its folder."""
+"""File in the folder of a robot with its names in deployment programs."""
 
 
 @dataclass(frozen=True)
 class Identifier(Allowed):
-    """A name in Python."""
+    """A Python identifier."""
 
     def problem(self, value: str) -> str | None:
-        return None if value.isidentifier() else f"is {value!r}, allowed is a name in Python"
+        return None if value.isidentifier() else f"is {value!r}, expected a Python identifier"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ from .walk import BoosterLabWalkControllerCfg
 register_task("{task}", BoosterLabWalkControllerCfg())
 '''
 
-_WALK = '''"""Numbers of an exported policy, written by Booster Lab; golden vectors lie beside the export."""
+_WALK = '''"""Numbers of an exported policy, written by Booster Lab; the golden vectors are in the export."""
 
 from pathlib import Path
 
@@ -112,11 +112,11 @@ JOINTS = {{
 POLICY_JOINTS = [
 {order}
 ]
-"""The joints that the network reads and moves, in its order."""
+"""The joints of the network, in its order."""
 
-strange = sorted(set(JOINTS) ^ set({robot}.joint_names))
-if strange:
-    raise ValueError(f"joints of the policy are not those of {robot}: {{strange}}")
+mismatched = sorted(set(JOINTS) ^ set({robot}.joint_names))
+if mismatched:
+    raise ValueError(f"joints of the policy are not those of {robot}: {{mismatched}}")
 
 
 @configclass
@@ -142,11 +142,11 @@ class BoosterLabWalkControllerCfg(ControllerCfg):
 
 _README = """# The policy in booster_deploy
 
-Copy `tasks/booster_lab` into `tasks/` of a checkout of booster_deploy, beside its own tasks. Nothing there is edited.
+Copy `tasks/booster_lab` into `tasks/` of a checkout of booster_deploy. Edit nothing there.
 
     python scripts/deploy.py --list
     python scripts/deploy.py --task {task} --mujoco
 
-In MuJoCo a command is typed as `x y yaw`. On the robot leave out `--mujoco`; read the model card and the release report
-first. Joint order is checked against `{robot}` when the task is imported.
+In MuJoCo, type a command as `x y yaw`. On the robot, leave out `--mujoco`; first read the model card and the release
+report. Joint order is checked against `{robot}` when the task is imported.
 """

@@ -16,14 +16,14 @@ OTHER_SEEDS, HELD_OUT = "other seeds", "held-out"
 FILE = "card.json"
 PAGE = "CARD.md"
 OF_RUN = "export"
-"""Folder of a training run's own export, in that of the run."""
+"""Folder of the export inside the folder of a training run."""
 SCHEMA = "booster-lab policy card 2"
 UNSEALED = "booster-lab policy card 1"
-"""Schema of cards that carry no digest of themselves; they are read, not written."""
+"""Schema of older cards without a digest of their own content; read, but not written."""
 SEAL = "sha256"
-"""Key of the card's digest of itself."""
+"""Key of the digest of the card's own content."""
 MAX_BYTES = 5_000_000
-"""Largest size of a card. Its memory grows with it: one of unknown keys took 480 times its size."""
+"""Maximum size of a card [bytes], because parsing can take 480 times its size in memory."""
 AGAIN = "Export the policy again."
 
 
@@ -66,7 +66,7 @@ def write_card(folder: Path, card: ModelCard) -> None:
 
 
 def read_card(folder: Path) -> ModelCard:
-    """The card of an export. Raises FileError where it is missing, changed or incomplete, or names files elsewhere."""
+    """The card of an export. Raises FileError if it is missing, changed or incomplete, or names files elsewhere."""
     path = folder / FILE
     if not path.is_file():
         of_run = folder / OF_RUN
@@ -74,27 +74,27 @@ def read_card(folder: Path) -> ModelCard:
         raise FileError(path, "there is no exported policy here.", do)
     value = read_json(path, do=AGAIN, most_bytes=MAX_BYTES)
     if not isinstance(value, dict) or value.get("schema") not in (SCHEMA, UNSEALED):
-        raise FileError(path, f"is no card of schema {SCHEMA!r}.", AGAIN)
+        raise FileError(path, f"is not a card of schema {SCHEMA!r}.", AGAIN)
     _check_seal(path, value)
     del value["schema"]
     card = settings.parse(ModelCard, value, path, AGAIN)
     outside = [name for name in card.files if Path(name).is_absolute() or ".." in Path(name).parts]
     if outside:
-        raise FileError(path, f"states files that are none of its folder: {', '.join(outside)}.", AGAIN)
+        raise FileError(path, f"names files outside its folder: {', '.join(outside)}.", AGAIN)
     return card
 
 
 def check_stated(path: Path) -> None:
-    """Hold a file against the card beside it, where there is one. Raises FileError where the card states another."""
+    """Check a file against the card beside it, if there is one. Raises FileError if the digest differs."""
     if not (path.parent / FILE).is_file():
         return
     stated = read_card(path.parent).files.get(path.name)
     if stated is None or not path.is_file() or digests.of_file(path) != stated:
-        raise FileError(path, f"is not what {FILE} beside it states.", "Export the policy again.")
+        raise FileError(path, f"does not match its digest in {FILE} beside it.", "Export the policy again.")
 
 
 def _check_seal(path: Path, value: dict[str, Any]) -> None:
-    """Take the card's digest of itself out of it, which has to be that of all else."""
+    """Remove the card's digest of itself from `value` and check it. Raises FileError."""
     seal = value.pop(SEAL, None)
     if value["schema"] == UNSEALED and seal is None:
         return
@@ -103,11 +103,11 @@ def _check_seal(path: Path, value: dict[str, Any]) -> None:
     except ValueError:  # a number that is not finite
         holds = False
     if not holds:
-        raise FileError(path, "was changed: its content is not the one that its own digest states.", AGAIN)
+        raise FileError(path, "was changed: its content does not match its own digest.", AGAIN)
 
 
 def page(card: ModelCard) -> str:
-    """The card as Markdown; text of it is shown as text, whatever HTML it holds."""
+    """The card as Markdown, with all text escaped."""
     lines = [f"| {plain(name)} | {plain(value)} |" for name, value in card_rows(card).items()]
     return "\n".join([f"# {plain(card.name)}", "", "| | |", "|---|---|", *lines, ""])
 
@@ -147,14 +147,14 @@ def _minutes(facts: dict[str, Any]) -> str:
 
 
 def _continued(facts: dict[str, Any]) -> str:
-    """Where stages were continued after an interruption: a continued run is another sample than one in one go."""
+    """Iterations at which stages were continued after an interruption, which changes the random sequence of a run."""
     stages = {name: _object(done).get("resumed_at") for name, done in _object(facts.get("stages")).items()}
-    told = [f"{name} at {', '.join(map(str, at))}" for name, at in stages.items() if isinstance(at, list) and at]
-    return f"; continued: {'; '.join(told)}" if told else ""
+    continued = [f"{name} at {', '.join(map(str, at))}" for name, at in stages.items() if isinstance(at, list) and at]
+    return f"; continued: {'; '.join(continued)}" if continued else ""
 
 
 def _figure_rows(card: ModelCard) -> dict[str, str]:
-    """Measured figures with those of the recipe's other seeds, and the held-out trials. Figures may be any JSON."""
+    """Measured figures, those of other seeds of the recipe, and held-out trials. Figures may be any JSON value."""
     own, others, unseen = (_object(card.figures.get(key)) for key in ("figures", OTHER_SEEDS, HELD_OUT))
     seeds = {seed: _object(facts) for seed, facts in others.items()}
     measured = {seed: _object(facts.get("figures")) for seed, facts in seeds.items()}

@@ -50,21 +50,21 @@ from pipeline.robot import Robot
 
 POLICY, ONNX, GOLDEN, CURVES = "policy.npz", "policy.onnx", "golden.npz", "curves.csv"
 CURVE_ROWS = 200
-"""More rows are thinned to every n-th, and the last: a long run has thousands, of half a kilobyte each."""
+"""Maximum number of rows of curves.csv: a long run has thousands of rows of 0.5 kB each."""
 DEPLOY = "booster_deploy"
 TORCH_SCRIPT = f"{DEPLOY}/{booster_deploy.FOLDER.as_posix()}/{booster_deploy.MODEL}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """What an export is made from."""
+    """Inputs of an export."""
 
     policy: Path
     """npz of a trained policy, with its gains."""
     run: dict[str, Any]
     """The training run, see `ModelCard.run`."""
     data: dict[str, Any]
-    """The expert database, see `ModelCard.data`; with its `licence` as in the database's manifest."""
+    """The expert database, see `ModelCard.data`; including the `licence` of the database's manifest."""
     curves: Path | None = None
     figures: dict[str, Any] | None = None
 
@@ -77,18 +77,18 @@ def source_of_run(
     beside: Sequence[Path] = (),
     unseen: Path | None = None,
 ) -> Source:
-    """What an export of a training run is made from.
+    """The inputs of an export from a training run.
 
     Args:
         run: the run's folder: policy.npz, config.json, curves.csv, done.json, validation/figures.json
         policy: npz of a chosen checkpoint; None: the run's policy
         stated: facts that replace those of the run, as `commit`
-        figures: JSON with measured figures; None: those of the run's validation, where it validated this
+        figures: JSON with measured figures; None: those of the run's validation, if it validated this
             policy
-        beside: runs of the same recipe with other seeds, whose figures the card states too
-        unseen: the policy's verdict by the suite `held-out`, which the card states too
+        beside: runs of the same recipe with other seeds, whose figures the card lists too
+        unseen: verdict on the policy by the suite `held-out`, which the card lists too
 
-    Raises FileError for a file that is missing or no JSON, ExportError where `beside` or `unseen` is of another recipe
+    Raises FileError for a missing file or one without JSON, ExportError if `beside` or `unseen` is of another recipe
     or policy.
     """
     network, curves = policy or run / POLICY, run / CURVES
@@ -172,7 +172,7 @@ def export_policy(
 
 
 def thinned(curves: str) -> str:
-    """A CSV with at most CURVE_ROWS of its rows: evenly spaced, the last one among them."""
+    """Thin a CSV to at most CURVE_ROWS evenly spaced rows, including the last one."""
     header, *rows = curves.splitlines(keepends=True) or [""]
     step = -(-len(rows) // CURVE_ROWS) or 1
     return header + "".join(rows[::-step][::-1])
@@ -221,10 +221,14 @@ def read_export(folder: Path, robot: Robot) -> Export:
         if not (folder / name).is_file() or digests.of_file(folder / name) != content
     ]
     if wrong:
-        raise FileError(folder, f"{', '.join(wrong)}: missing or not what the card states.", "Export the policy again.")
+        raise FileError(
+            folder,
+            f"{', '.join(wrong)}: missing, or different from the digest in the card.",
+            "Export the policy again.",
+        )
     policy = load_policy(folder / POLICY)
     if digest(policy) != found.digest:
-        raise FileError(folder / POLICY, "is not the network that the card states.", "Export the policy again.")
+        raise FileError(folder / POLICY, "does not match the digest in the card.", "Export the policy again.")
     return Export(folder=folder, card=found, policy=policy, task=trained_task(robot, policy))
 
 

@@ -17,7 +17,7 @@ DATA_FACTS = ("robot_digest", "motors", "clips", "seconds", "licence")
 
 
 def training_run(folder: Path, stated: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The facts of the run in `folder`: config, end, and what is stated over them. Raises FileError."""
+    """Facts of the run in `folder` from its config and its end, overridden by `stated`. Raises FileError."""
     facts = read_json(folder / CONFIG)
     facts.pop(BUNDLE, None)
     ended = read_json(folder / DONE) if (folder / DONE).is_file() else {}
@@ -28,15 +28,15 @@ def training_data(folder: Path) -> dict[str, Any]:
     """The facts of the expert database that the run in `folder` was trained on. Raises FileError."""
     facts = read_json(folder / CONFIG).get(BUNDLE)
     if not isinstance(facts, dict) or "database_digest" not in facts:
-        raise FileError(folder / CONFIG, "does not say which database the run was trained on.", "Train it again.")
+        raise FileError(folder / CONFIG, "names no database that the run was trained on.", "Train it again.")
     return {"digest": facts["database_digest"], **{name: facts[name] for name in DATA_FACTS if name in facts}}
 
 
 def read_json(path: Path, do: str = "Name the folder that training wrote.") -> dict[str, Any]:
-    """A JSON object. Raises FileError, which ends with what to `do`."""
+    """A JSON object. Raises FileError with the instruction `do`."""
     value = csv_json.read_json(path, do=do)
     if not isinstance(value, dict):
-        raise FileError(path, "is no JSON object.", do)
+        raise FileError(path, "is not a JSON object.", do)
     return value
 
 
@@ -53,7 +53,7 @@ def trained_task(robot: Robot, policy: Policy) -> DeploymentTask:
     Raises ExportError for a policy without gains, PolicyJointsError if it lacks a joint of the robot.
     """
     if policy.gains is None:
-        raise ExportError("the policy has no gains; export it with the ones that it was trained with.")
+        raise ExportError("the policy has no gains; export it with the gains of its training.")
     return policy_task(robot, policy)
 
 

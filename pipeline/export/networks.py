@@ -1,8 +1,8 @@
 """A policy as ONNX and as TorchScript: observation (n, 720) -> action (n, 21); equal policies give equal bytes.
 
-ONNX: the graph is (observation - mean) / scale, then a Gemm a layer with Elu between, in single precision, with
-metadata, written node by node. TorchScript is the form that booster_deploy loads, also (720,); its archive is written
-again without what TorchScript notes of the sources it was compiled from (paths of the machine) and with fixed times.
+ONNX: the graph is (observation - mean) / scale, then one Gemm per layer with Elu between, in single precision,
+with metadata. TorchScript: the format that booster_deploy loads, also for an observation (720,). Its archive is
+rewritten without debug information on the sources (paths of the machine) and with fixed timestamps.
 """
 
 import io
@@ -66,8 +66,8 @@ def to_onnx(task: DeploymentTask, policy: Policy) -> bytes:
 def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
     """The model in a self-contained file, and its metadata.
 
-    Raises FileError for what can't be read, is no ONNX model, is larger than `MAX_BYTES`, keeps its numbers in another
-    file, has operators that no exported policy has, or is not the one that a card beside it states.
+    Raises FileError for a file that is unreadable, not an ONNX model, larger than `MAX_BYTES`, keeps tensors in another
+    file, has operators that no exported policy has, or differs from the digest in a card beside it.
     """
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the ONNX file of an exported policy.")
@@ -87,12 +87,12 @@ def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
         facts = from_texts({each.key: each.value for each in model.metadata_props})
     except (FileError, MemoryError):
         raise
-    except Exception as error:  # protobuf and the checker have errors of their own without a common base
-        raise FileError(path, f"is no valid ONNX model ({type(error).__name__}: {error}).") from error
-    strange = sorted({node.op_type for node in model.graph.node if node.domain or node.op_type not in OPERATORS})
-    if strange or model.functions:
+    except Exception as error:  # the errors of protobuf and the checker have no common base class
+        raise FileError(path, f"is not a valid ONNX model ({type(error).__name__}: {error}).") from error
+    unknown = sorted({node.op_type for node in model.graph.node if node.domain or node.op_type not in OPERATORS})
+    if unknown or model.functions:
         known = ", ".join(sorted(OPERATORS))
-        raise FileError(path, f"has the operators {', '.join(strange) or 'of its own'}; a policy has only {known}.")
+        raise FileError(path, f"has the operators {', '.join(unknown) or 'of its own'}; a policy has only {known}.")
     return model, facts
 
 
@@ -147,8 +147,8 @@ def to_torch_script(task: DeploymentTask, policy: Policy) -> bytes:
 def read_torch_script(path: Path) -> tuple[Any, dict[str, Any]]:
     """The module and its metadata, loaded as booster_deploy does.
 
-    Raises FileError for what is no TorchScript archive, or larger than a policy when inflated. A checkpoint is a
-    pickle, which may hold code that runs when it is read, and is not opened here.
+    Raises FileError for a file that is not a TorchScript archive, or too large when inflated. A checkpoint is a pickle,
+    which can execute code when it is read, and is refused.
     """
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the TorchScript file of an exported policy.")
@@ -160,7 +160,7 @@ def read_torch_script(path: Path) -> tuple[Any, dict[str, Any]]:
             warnings.simplefilter("ignore", DeprecationWarning)
             module = torch.jit.load(str(path), map_location="cpu", _extra_files=extra)
     except RuntimeError as error:
-        raise FileError(path, f"is no TorchScript module ({str(error).splitlines()[0]}).") from error
+        raise FileError(path, f"is not a TorchScript module ({str(error).splitlines()[0]}).") from error
     return module.eval(), json.loads(extra[FACTS]) if extra[FACTS] else {}
 
 

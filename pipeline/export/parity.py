@@ -1,7 +1,8 @@
 """Compare exported networks with the original over golden and random observations.
 
-Whoever writes the deployment again replays the sensor readings from the start and must get these observations, actions
-and targets. They are of the first second of a walk in simulation: the history fills and the command ramps up.
+Golden vectors verify another implementation of the deployment: replaying their sensor readings from the start must give
+the same observations, actions and targets. They are of the first second of a simulated walk, in which the history fills
+and the command ramps up.
 """
 
 import io
@@ -27,12 +28,12 @@ from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 SECONDS = 1.0
 COMMAND = (0.6, -0.2, 0.3)
-"""Forward and lateral velocity [m/s] and yaw rate [rad/s]; three different numbers, so that a swap shows."""
+"""Forward and lateral velocity [m/s] and yaw rate [rad/s]; three different values, to detect swapped axes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GoldenVectors:
-    """K control steps of a task with J joints of which A are the policy's."""
+    """K control steps of a task with J joints, of which the policy moves A."""
 
     gyro_b: Float[np.ndarray, "k 3"]
     """Angular velocity of the root in its frame [rad/s]."""
@@ -40,14 +41,14 @@ class GoldenVectors:
     """Direction of gravity in the root's frame."""
     command: Float[np.ndarray, "k 3"]
     joint_pos: Float[np.ndarray, "k j"]
-    """Robot's order [rad]."""
+    """In the robot's joint order [rad]."""
     joint_vel: Float[np.ndarray, "k j"]
-    """Robot's order [rad/s]."""
+    """In the robot's joint order [rad/s]."""
     observation: Float[np.ndarray, "k n"]
     action: Float[np.ndarray, "k a"]
-    """Policy's order."""
+    """In the policy's joint order [1]."""
     targets: Float[np.ndarray, "k j"]
-    """Robot's order [rad]."""
+    """In the robot's joint order [rad]."""
 
 
 def golden_vectors(robot: Robot, task: DeploymentTask, policy: Policy) -> GoldenVectors:
@@ -83,9 +84,9 @@ def replay(task: DeploymentTask, policy: Policy, **readings: np.ndarray) -> Gold
 
 
 def write_golden(path: Path, golden: GoldenVectors) -> None:
-    """Write golden vectors as an npz of double precision, whole or not at all.
+    """Write golden vectors as an npz in double precision, atomically.
 
-    It is deflated, a fifth of the size: another build of zlib may write other bytes for equal vectors.
+    It is compressed to a fifth of its size, so another build of zlib may write other bytes for equal vectors.
     """
     stream = io.BytesIO()
     np.savez_compressed(stream, **{each.name: getattr(golden, each.name) for each in fields(golden)})
@@ -93,13 +94,13 @@ def write_golden(path: Path, golden: GoldenVectors) -> None:
 
 
 def read_golden(path: Path) -> GoldenVectors:
-    """The golden vectors of an npz. Raises FileError, also where a card beside it states another content."""
+    """The golden vectors of an npz. Raises FileError, also if a card beside it has another digest."""
     check_stated(path)
     header = read_npz_header(path, most_bytes=100_000_000)
     names = [each.name for each in fields(GoldenVectors)]
     missing = [name for name in names if name not in header.numeric or len(header.shapes[name]) != 2]
     if missing:
-        problem = f"has no golden vectors: no table of numbers is {', '.join(missing)}."
+        problem = f"has no golden vectors: these arrays are missing: {', '.join(missing)}."
         raise FileError(path, problem, "Export the policy again.")
     arrays = {name: header.array(name) for name in names}
     bad = ", ".join(name for name, values in arrays.items() if not np.isfinite(values).all())
@@ -110,7 +111,7 @@ def read_golden(path: Path) -> GoldenVectors:
 
 
 TOLERANCE = 1e-5
-"""Largest allowed difference of an action [1]; a quarter of it in a joint target [rad]."""
+"""Largest allowed difference of an action [1]; in a joint target, it is a quarter of this [rad]."""
 LARGE = 10.0
 """Magnitude of an action above which a relative 1e-6 is allowed, for single precision."""
 RANDOM = 256
@@ -124,7 +125,7 @@ class Parity:
     onnx: float
     torch_script: float
     times_allowed: float
-    """Largest difference over its tolerance, of both forms."""
+    """Largest ratio of a difference to its tolerance, over both formats."""
     runtime: str
     """The runtime of the ONNX file."""
     observations: int

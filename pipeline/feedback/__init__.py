@@ -1,1 +1,1 @@
-"""From failures to bounded changes of what is curated, randomized and calibrated; nothing takes effect unapproved."""
+"""Bounded changes of curation, randomization and motor limits, proposed from failures and approved by a person."""

@@ -1,7 +1,7 @@
-"""A person's answer to a proposal: approve it or a part of it by its digest, take sections back, or decline it.
+"""A person's answer to a proposal: approve it or some sections, decline it, or revoke approved sections.
 
-The digest ties the answer to what was reviewed. Approved changes are in `data/feedback/approved.yaml`, declined ones in
-`declined.yaml` beside it; what was declined is not asked again while its evidence is the same.
+An answer names the digest of the reviewed proposal. Approved changes are in `data/feedback/approved.yaml`, declined
+ones in `declined.yaml` beside it. A declined change is not pending again as long as its evidence is the same.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from typing import Any
 
 from pipeline.batch import Store
 from pipeline.errors import PipelineError
-from pipeline.feedback.approved import Approvals, added, entries_of, read_approvals, write_entries
+from pipeline.feedback.approved import Approvals, entries_of, merged, read_approvals, write_entries
 from pipeline.feedback.change import SECTIONS, Change, Witness, check_bounds, proposal_digest
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import atomic, settings
@@ -21,12 +21,12 @@ PROPOSAL_ASSET = "curation_feedback"
 
 
 class ApprovalError(PipelineError):
-    """An answer to something that is not proposed, or without a name."""
+    """The answer names no pending change, or no person."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackFiles:
-    """Where a project keeps its proposal and the answers to it."""
+    """Files of a project with its proposal and the answers to it."""
 
     store: Store
     rules_file: Path
@@ -39,19 +39,19 @@ class FeedbackFiles:
         return settings.read(self.rules_file, FeedbackRules)
 
     def proposed(self) -> tuple[Change, ...]:
-        """The changes of the pending proposal. Raises FileError where none was ever made."""
+        """The changes of the pending proposal. Raises FileError if there is no proposal yet."""
         return changes_of(self.store.load(PROPOSAL_ASSET).settings)
 
     def approvals(self) -> Approvals:
-        """The approved changes, compared with the rules. What can't be used is reported and raises nothing."""
+        """The approved changes, checked against the rules. Invalid sections are reported as faults, not raised."""
         return self.answers(self.approved)
 
     def declined_changes(self) -> tuple[Change, ...]:
-        """The changes that a person declined; none where the file can't be read, so that they are asked again."""
+        """The declined changes; none if the file is unreadable, so that they are pending again."""
         return self.answers(self.declined).changes
 
     def answers(self, path: Path) -> Approvals:
-        """The answers in one of the files."""
+        """The answers in `approved` or `declined`."""
         if not path.is_file():
             return Approvals()
         try:
@@ -62,7 +62,7 @@ class FeedbackFiles:
 
 
 def changes_of(stored: Mapping[str, Any]) -> tuple[Change, ...]:
-    """The changes that a manifest's settings hold, in their order."""
+    """The changes in the settings of a manifest, in their order."""
     return tuple(
         Change(**{**each, "witnesses": tuple(Witness(**witness) for witness in each["witnesses"])})
         for _, each in sorted(stored.items())
@@ -72,17 +72,17 @@ def changes_of(stored: Mapping[str, Any]) -> tuple[Change, ...]:
 def approve_proposal(
     files: FeedbackFiles, proposal: str, by: str, *, policies: Sequence[str] = (), sections: Sequence[str] = ()
 ) -> int:
-    """Add the changes of a proposal to the approved ones; their number.
+    """Approve changes of a proposal and return their number.
 
-    A section is then as this proposal has it; one that is not named, or that the proposal does not contain, stays as
-    it was. With `policies` only the same numbers are replaced. Raises ApprovalError if another proposal is pending,
-    or none.
+    The proposal replaces each approved section that it contains; other sections stay as they are. With `policies`, it
+    replaces single changes instead of sections. Raises ApprovalError if this proposal is not pending.
 
     Args:
-        proposal: digest of the proposal that was reviewed
+        files: files of the project
+        proposal: digest of the reviewed proposal
         by: name of the person
-        policies: digests; only changes that rest on logs of these alone are approved; empty: all
-        sections: parts that are approved, such as `weights`; empty: all
+        policies: digests of policies: approve only changes whose evidence is from logs of these; empty: all changes
+        sections: sections to approve, for example `weights`; empty: all
     """
     kept = _answered(files, proposal, by, policies, sections)
     rules = files.rules
@@ -95,16 +95,16 @@ def approve_proposal(
                 raise ApprovalError(
                     f"nothing was approved, since the approved changes of '{section}' can't be read: {fault}"
                 )
-        entries = added(earlier.entries, entries_of(kept, proposal, by), whole=not policies)
+        entries = merged(earlier.entries, entries_of(kept, proposal, by), whole=not policies)
         check_bounds([each for entry in entries if entry.section in touched for each in entry.changes], rules)
         write_entries(files.approved, entries)
     return len(kept)
 
 
 def decline_proposal(files: FeedbackFiles, proposal: str, by: str, *, sections: Sequence[str] = ()) -> int:
-    """Note the changes of a proposal as declined; their number. Approved changes stay approved. Raises ApprovalError.
+    """Decline changes of a proposal and return their number. Approved changes stay approved. Raises ApprovalError.
 
-    Args: as for `approve_proposal`
+    The arguments are those of `approve_proposal`.
     """
     kept = _answered(files, proposal, by, (), sections)
     with atomic.only_writer(files.declined):
@@ -112,13 +112,13 @@ def decline_proposal(files: FeedbackFiles, proposal: str, by: str, *, sections: 
         if not earlier.readable:
             fault = next(iter(earlier.faults.values()))
             raise ApprovalError(f"nothing was declined, since what was declined before can't be read: {fault}")
-        entries = added(earlier.entries, entries_of(kept, proposal, by), whole=True)
+        entries = merged(earlier.entries, entries_of(kept, proposal, by), whole=True)
         write_entries(files.declined, entries, head="declined")
     return len(kept)
 
 
 def take_back_sections(files: FeedbackFiles, sections: Sequence[str], by: str) -> int:
-    """Remove sections from the approved changes; how many changes these were. Raises ApprovalError."""
+    """Revoke approved sections and return the number of their changes. Raises ApprovalError."""
     if not by.strip():
         raise ApprovalError("taking back needs a name: state who does it in 'by'.")
     with atomic.only_writer(files.approved):
@@ -129,20 +129,20 @@ def _take_back(files: FeedbackFiles, sections: Sequence[str]) -> int:
     approvals = files.approvals()
     if not approvals.readable:
         raise ApprovalError(f"nothing was taken back: {next(iter(approvals.faults.values()))}")
-    there = sorted({entry.section for entry in approvals.entries})
-    strange = [section for section in sections if section not in there]
-    if strange or not sections:
-        asked = f"nothing of '{strange[0]}' is approved" if strange else "no section is named"
-        raise ApprovalError(f"{asked}; approved are: {', '.join(there) or 'none'}.")
-    gone = [entry for entry in approvals.entries if entry.section in sections]
-    write_entries(files.approved, [entry for entry in approvals.entries if entry not in gone])
-    return sum(len(entry.changes) for entry in gone)
+    approved = sorted({entry.section for entry in approvals.entries})
+    unknown = [section for section in sections if section not in approved]
+    if unknown or not sections:
+        named = f"nothing of '{unknown[0]}' is approved" if unknown else "no section is named"
+        raise ApprovalError(f"{named}; approved are: {', '.join(approved) or 'none'}.")
+    revoked = [entry for entry in approvals.entries if entry.section in sections]
+    write_entries(files.approved, [entry for entry in approvals.entries if entry not in revoked])
+    return sum(len(entry.changes) for entry in revoked)
 
 
 def _answered(
     files: FeedbackFiles, proposal: str, by: str, policies: Sequence[str], sections: Sequence[str]
 ) -> list[Change]:
-    """The changes that an answer is about. Raises ApprovalError."""
+    """The changes that an answer refers to. Raises ApprovalError."""
     changes = files.proposed()
     pending = proposal_digest(changes)
     if not pending or proposal != pending:
@@ -151,14 +151,14 @@ def _answered(
         )
     if not by.strip():
         raise ApprovalError("an approval needs a name: state who approves it in 'by'.")
-    strange = [section for section in sections if section not in SECTIONS]
-    if strange:
+    unknown = [section for section in sections if section not in SECTIONS]
+    if unknown:
         raise ApprovalError(
-            f"there is no section '{strange[0]}'; there are: {', '.join(SECTIONS)}. Nothing was answered."
+            f"there is no section '{unknown[0]}'; sections are: {', '.join(SECTIONS)}. Nothing was answered."
         )
     kept = [each for each in changes if not policies or all(one.policy in policies for one in each.witnesses)]
     kept = [each for each in kept if not sections or each.section in sections]
     if not kept:
-        asked = ", ".join((*policies, *sections))
-        raise ApprovalError(f"no change of proposal '{proposal}' is of {asked} alone; nothing was approved.")
+        named = ", ".join((*policies, *sections))
+        raise ApprovalError(f"no change of proposal '{proposal}' belongs only to {named}; nothing was approved.")
     return kept

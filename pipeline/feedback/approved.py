@@ -1,8 +1,8 @@
-"""The file of approved changes: an entry a section, each checked against the rules by itself, and what each part feeds.
+"""The file of approved changes, with one entry per section, and the effect of each section.
 
-`data/feedback/proposed.yaml` has the same form, so that copying it is approving all of it. An entry names the proposal
-that was reviewed and has a digest of its own changes: one that was edited by hand must state its own. A fault in one
-section leaves the others as they are.
+`data/feedback/proposed.yaml` has the same format, so copying it approves the whole proposal. An entry names the
+reviewed proposal and the digest of its own changes; after an edit by hand, the digest must be updated. Each section is
+checked against the rules separately: an invalid section does not affect the others.
 """
 
 import dataclasses
@@ -20,10 +20,10 @@ from pipeline.feedback.change import (
     SECTIONS,
     Change,
     ChangeError,
+    change_key,
     check_bounds,
     neutral,
     perturbation_of,
-    place_of,
     proposal_digest,
 )
 from pipeline.feedback.rules import TIME_SCALE, FeedbackRules
@@ -31,17 +31,17 @@ from pipeline.files import atomic, digest, settings
 from pipeline.selection.curation import Curation
 
 EMPTY = "none"
-"""Version of a part without changes."""
+"""Version of a section without changes."""
 LINEAGE = "feedback on "
-"""What the stage of approved changes in a manifest begins with; its section follows."""
+"""Prefix of the stage name under which a manifest holds the applied changes; the section follows."""
 
 HEAD = {
-    "proposed": "# What the rules propose from the failures in data/hardware_logs. Copying this file to approved.yaml "
-    "approves it\n# all; so does the job approve_feedback. Written by the asset curation_feedback.\n",
-    "approved": "# Changes that a person approved, and the logs they rest on. An entry that is deleted is taken back, "
-    "all of it\n# with the file; so does the job take_back_feedback.\n",
-    "declined": "# Changes that a person declined on the curator's page: they are not asked again while they rest on "
-    "the same logs.\n# An entry that is deleted is pending again.\n",
+    "proposed": "# Changes proposed by the rules from the failures in data/hardware_logs. To approve all of them, copy "
+    "this file to\n# approved.yaml or run the job approve_feedback. Written by the asset curation_feedback.\n",
+    "approved": "# Approved changes and the logs that support them. To revoke a section, delete its entry or run the "
+    "job\n# take_back_feedback. To revoke all, delete the file.\n",
+    "declined": "# Changes that a person declined on the curator's page. They are not pending again as long as the "
+    "same logs\n# support them. To make a section pending again, delete its entry.\n",
 }
 
 
@@ -51,52 +51,52 @@ class SectionApproval:
 
     section: str
     proposal: str
-    """Digest of the proposal that was reviewed."""
+    """Digest of the reviewed proposal."""
     by: str = ""
-    """Who approved them; empty in a proposal."""
+    """Name of the person who approved them; empty in a proposal."""
     digest: str
-    """Of these changes."""
+    """Digest of these changes."""
     changes: tuple[Change, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ApprovalFile:
-    """`data/feedback/approved.yaml`, and the proposal that waits beside it."""
+    """Format of `data/feedback/approved.yaml`, `proposed.yaml` and `declined.yaml`."""
 
     approvals: tuple[SectionApproval, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Approvals:
-    """What is approved."""
+    """Answers read from a file."""
 
     entries: tuple[SectionApproval, ...] = ()
-    """As the file has them; none where it can't be read."""
+    """Entries of the file; none if it is unreadable."""
     faults: Mapping[str, PipelineError] = field(default_factory=dict)
-    """Sections that can't be used, and why."""
+    """Invalid section -> why it can't be used."""
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """The changes of all sections that can be used."""
+        """The changes of all valid sections."""
         return tuple(each for entry in self.entries if entry.section not in self.faults for each in entry.changes)
 
     @property
     def readable(self) -> bool:
-        """Whether the entries are known, though sections may have faults."""
+        """Whether the file could be read, even if some sections are invalid."""
         return bool(self.entries) or not self.faults
 
 
 def read_approvals(path: Path, rules: FeedbackRules) -> Approvals:
-    """What a file approves; nothing where it is not there. Its faults are reported and raise nothing."""
+    """Read a file of approvals; empty if it does not exist. Faults are reported in the result, not raised."""
     if not path.is_file():
         return Approvals()
     try:
         entries = settings.read(path, ApprovalFile).approvals
         for place, entry in enumerate(entries):
             named = (entry.section, *(each.section for each in entry.changes))
-            strange = [name for name in named if name not in SECTIONS or name != entry.section]
-            if strange:
-                problem = f"approvals[{place}] of '{entry.section}' has the section '{strange[0]}'"
+            unknown = [name for name in named if name not in SECTIONS or name != entry.section]
+            if unknown:
+                problem = f"approvals[{place}] of '{entry.section}' has the section '{unknown[0]}'"
                 raise SettingsError(path, f"{problem}, there are: {', '.join(SECTIONS)}.")
     except (SettingsError, OSError) as error:
         what = str(error) if isinstance(error, SettingsError) else f"{path}: {error.strerror}."
@@ -108,7 +108,7 @@ def read_approvals(path: Path, rules: FeedbackRules) -> Approvals:
 
 
 def _fault(path: Path, section: str, entries: Sequence[SectionApproval], rules: FeedbackRules) -> SettingsError | None:
-    """Why a section can't be used, with the way on."""
+    """Why a section is invalid, and how to repair it; None if it is valid."""
     own = [(place, entry) for place, entry in enumerate(entries) if entry.section == section]
     for place, entry in own:
         found = proposal_digest(entry.changes)
@@ -116,25 +116,25 @@ def _fault(path: Path, section: str, entries: Sequence[SectionApproval], rules: 
             return SettingsError(
                 path,
                 f"approvals[{place}], '{section}': its changes do not have the digest '{entry.digest}' but '{found}'.",
-                f"State that one if you changed them on purpose; else {_way_on(section)}",
+                f"If you changed them on purpose, set that digest; else {_remedy(section)}",
             )
     try:
         check_bounds([change for _, entry in own for change in entry.changes], rules)
     except ChangeError as error:
         where = ", ".join(f"approvals[{place}]" for place, _ in own)
-        return SettingsError(path, f"{where}: {error}.", _way_on(section).capitalize())
+        return SettingsError(path, f"{where}: {error}.", _remedy(section).capitalize())
     return None
 
 
-def _way_on(section: str) -> str:
+def _remedy(section: str) -> str:
     return (
-        f"approve '{section}' of the current proposal again (job approve_feedback), or take it back (job "
+        f"approve '{section}' of the current proposal again (job approve_feedback), or revoke it (job "
         f"take_back_feedback, or delete the entry)."
     )
 
 
 def entries_of(changes: Sequence[Change], proposal: str, by: str = "") -> tuple[SectionApproval, ...]:
-    """Changes as entries, one a section."""
+    """Group changes into entries, one per section."""
     return tuple(
         SectionApproval(section=section, proposal=proposal, by=by, digest=proposal_digest(own), changes=own)
         for section in SECTIONS
@@ -142,23 +142,24 @@ def entries_of(changes: Sequence[Change], proposal: str, by: str = "") -> tuple[
     )
 
 
-def added(
+def merged(
     earlier: Sequence[SectionApproval], new: Sequence[SectionApproval], *, whole: bool
 ) -> tuple[SectionApproval, ...]:
-    """Earlier approvals and new ones over them; sections that the new ones do not name stay as they are.
+    """Merge new approvals into earlier ones; sections without a new approval stay as they are.
 
     Args:
-        whole: whether the new ones speak for their sections as a whole, so that what was approved of these before
-            goes; if not, only the same numbers give way
+        earlier: entries of the file
+        new: entries to add
+        whole: whether a new entry replaces its whole section; else it replaces single changes (`change_key`)
     """
-    places = {place_of(change) for entry in new for change in entry.changes}
+    keys = {change_key(change) for entry in new for change in entry.changes}
     sections = {entry.section for entry in new}
     kept = []
     for entry in earlier:
         if entry.section not in sections:
             kept.append(entry)
             continue
-        left = () if whole else tuple(each for each in entry.changes if place_of(each) not in places)
+        left = () if whole else tuple(each for each in entry.changes if change_key(each) not in keys)
         if left:
             kept.append(dataclasses.replace(entry, changes=left, digest=proposal_digest(left)))
     order = list(SECTIONS)
@@ -166,7 +167,7 @@ def added(
 
 
 def write_entries(path: Path, entries: Sequence[SectionApproval], *, head: str = "approved") -> None:
-    """Write a file of approvals or of a proposal; remove it where there is nothing in it."""
+    """Write a file of approvals or a proposal; remove it if there are no entries. `head` is a key of `HEAD`."""
     if not entries:
         path.unlink(missing_ok=True)
         return
@@ -180,45 +181,45 @@ def write_entries(path: Path, entries: Sequence[SectionApproval], *, head: str =
 
 
 def part_of(changes: Sequence[Change], section: str, robot: str | None) -> tuple[Change, ...]:
-    """The changes of a section for a robot, None for what all robots share; in one order, however they came in."""
+    """The changes of a section for a robot, sorted; with None, those of all robots."""
     own = [each for each in changes if each.section == section and robot in (None, each.robot)]
     return tuple(sorted(own, key=lambda each: (each.section, each.robot, each.what)))
 
 
 def part_version(part: Sequence[Change]) -> str:
-    """Content of a part: that of no change is a constant."""
+    """Version of the changes of a section: a digest, or `EMPTY` without changes."""
     return digest.of_json(settings.plain(part)) if part else EMPTY
 
 
 def lineage(part: Sequence[Change], section: str) -> dict[str, Any]:
-    """The changes that took effect in a manifest, by digest: each with the logs that it rests on."""
+    """Entry for the settings of a manifest: the applied changes with the logs that support them, by digest."""
     if not part:
         return {}
     return {part_version(part): {"stage": f"{LINEAGE}{section}", "changes": settings.plain(part)}}
 
 
-def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest:
-    """The manifest, and in it the changes that took effect with the logs that they rest on; as it is without any."""
+def with_applied_changes(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest:
+    """Record the applied changes and their logs in the settings of a manifest; unchanged without changes."""
     return dataclasses.replace(manifest, settings={**manifest.settings, **lineage(part, section)})
 
 
-def heard(stages: Mapping[str, Any]) -> dict[str, str]:
-    """Section -> version of its part that took effect in a manifest with these stages."""
+def applied_versions(stages: Mapping[str, Any]) -> dict[str, str]:
+    """Section -> version of the changes that were applied in a manifest with these stages."""
     named = {version: str(facts.get("stage", "")) for version, facts in stages.items()}
     return {stage.removeprefix(LINEAGE): version for version, stage in named.items() if stage.startswith(LINEAGE)}
 
 
-def wanted_seconds(curation: Curation, changes: Sequence[Change]) -> Curation:
-    """The curation with more seconds of some skills. A skill without a bound has no more to give."""
+def with_raised_limits(curation: Curation, changes: Sequence[Change]) -> Curation:
+    """Raise the limits on the seconds of some skills. A skill without a limit is not affected."""
     factors: dict[str, float] = {}
-    for change in changes:  # of several robots; the windows are all robots'
+    for change in changes:  # all robots share the windows, so the largest factor of any robot counts
         factors[change.what] = max(factors.get(change.what, 1.0), change.value)
     most = {skill: seconds * factors.get(skill, 1.0) for skill, seconds in curation.most_seconds.items()}
     return dataclasses.replace(curation, most_seconds=most)
 
 
 def further_variants(changes: Sequence[Change], settings: AugmentSettings) -> dict[str, AugmentSettings]:
-    """Skill -> settings that make its further variants alone, beside those that all clips get."""
+    """Skill -> settings that make only its additional variants, without those that all clips get."""
     found: dict[str, AugmentSettings] = {}
     none = dataclasses.replace(settings, time_scales=(), perturbations=Strengths())
     for change in changes:

@@ -1,15 +1,15 @@
-"""KP5's weights with approved factors on cells of the command space.
+"""Approved factors on cells of the command space, applied to KP5's weights; approved limits, applied to motors.
 
-A factor f makes the seconds of a cell be drawn f times as often against the rest. A trainer draws a clip by its weight
-and then a time within it, so a cell's share of draws is P = sum_clips w s / sum_clips w, with s the part of the clip's
-seconds that lie in the cell. With factors f_k on cells k the shares become
+A factor f makes the seconds of a cell f times as likely to be sampled, relative to the rest. Training samples a clip by
+its weight w and then a time within it, so the sampling share of a cell is P = sum_clips w s / sum_clips w, where s is
+the fraction of the clip's seconds in the cell. With factors f_k on cells k, the target shares are
 
     P'_k = f_k P_k / Z,    Z = sum_k f_k P_k + (1 - sum_k P_k)
 
-For clips that lie in one cell as a whole that is w' = f w. A clip in several cells can't raise one alone: its weight is
-multiplied by what its seconds are worth on average, and these worths are raked until the shares are reached (iterative
-proportional fitting). Where the clips do not allow that, or no second may weigh so much, no named cell is lowered
-compared with the rest and the shares that were reached are reported.
+For clips that are entirely in one cell, this is w' = f w. The weight of a clip in several cells is multiplied by the
+mean gain of its seconds; iterative proportional fitting (raking) adjusts the gain of each cell until the shares reach
+the targets. If the clips, or the limit on the weight of a second, do not allow the targets, no named cell is lowered
+relative to the rest, and the reached shares are reported.
 """
 
 import dataclasses
@@ -26,28 +26,30 @@ from pipeline.feedback.change import Change, ChangeError
 
 ROUNDS = 500
 CLOSE = 1e-9
-"""Largest relative distance of a share from its target at which raking ends."""
-MOST_WORTH = 4.0
-"""How much further than its factor the worth of a cell's seconds may be raked."""
+"""Relative tolerance of the shares at which raking stops."""
+MAX_GAIN = 4.0
+"""Raking keeps the gain of a cell within [factor / MAX_GAIN, factor * MAX_GAIN]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CellShare:
-    """What a factor did to a cell."""
+    """Effect of a factor on a cell."""
 
     cell: str
     factor: float
     before: float
-    """Its share of draws without feedback."""
-    wanted: float
+    """Sampling share without feedback, 0 to 1."""
+    target: float
+    """Sampling share by the factors."""
     reached: float
+    """Sampling share with the new weights."""
     clips: int
-    """Clips that have seconds in it; without any nothing can be raised."""
+    """Number of clips with seconds in the cell; without any, it can't be raised."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reweighted:
-    """Weights of clips, mean 1, and what became of each cell."""
+    """New weights of the clips (mean 1) and the effect on each cell."""
 
     weight: dict[str, float]
     cells: tuple[CellShare, ...]
@@ -56,11 +58,13 @@ class Reweighted:
 def reweigh(
     rows: pd.DataFrame, factors: Mapping[str, float], settings: BalanceSettings, commands: CommandSettings
 ) -> Reweighted:
-    """Weights of clips with factors on cells.
+    """Apply factors on command cells to the weights of clips.
 
     Args:
-        rows: clips with `weight` as KP5 balanced them, `seconds` and velocities or `command_seconds`
-        factors: cell -> how much more often it is drawn
+        rows: one row per clip: `weight` by KP5, `seconds`, and velocities or `command_seconds`
+        factors: cell -> factor on its sampling share
+        settings: settings of KP5's balancing, with the limit on the weight of a second
+        commands: cells of the command space
     """
     names = sorted(factors)
     inside = cell_parts(rows, names, commands)
@@ -68,8 +72,8 @@ def reweigh(
     seconds = rows["seconds"].to_numpy(dtype=float)
     before = weight @ inside / weight.sum()
     factor = np.array([factors[name] for name in names])
-    wanted = factor * before / (factor @ before + 1.0 - before.sum())
-    raised = _raked(weight, inside, factor, wanted)
+    target = factor * before / (factor @ before + 1.0 - before.sum())
+    raised = _raked(weight, inside, factor, target)
     raised = _bounded(raised, seconds, weight, settings.max_ratio)
     reached = raised @ inside / raised.sum()
     cells = tuple(
@@ -77,7 +81,7 @@ def reweigh(
             cell=name,
             factor=float(factor[k]),
             before=float(before[k]),
-            wanted=float(wanted[k]),
+            target=float(target[k]),
             reached=float(reached[k]),
             clips=int((inside[:, k] > 0.0).sum()),
         )
@@ -88,7 +92,7 @@ def reweigh(
 
 
 def cell_parts(rows: pd.DataFrame, cells: list[str], commands: CommandSettings) -> np.ndarray:
-    """Part of each clip's seconds in each cell (n, k)."""
+    """Fraction of each clip's seconds in each cell. Shape (n, k) for n clips and k cells."""
     spent = by_command(rows.reset_index(drop=True))
     named = cell_of(spent, commands).to_numpy()
     parts = np.zeros((len(rows), len(cells)))
@@ -98,28 +102,28 @@ def cell_parts(rows: pd.DataFrame, cells: list[str], commands: CommandSettings) 
     return parts / rows["seconds"].to_numpy(dtype=float)[:, None]
 
 
-def _raked(weight: np.ndarray, inside: np.ndarray, factor: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Weights (n,) whose cells have the shares `wanted` (k,), as far as the clips allow it.
+def _raked(weight: np.ndarray, inside: np.ndarray, factor: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Weights (n,) that give the cells the shares `target` (k,), as far as the clips allow it.
 
-    Where they do not, no second of a named cell is made worth less than one of the rest: a raise that can't be had must
-    not be paid for by the cells that share its clips.
+    If raking does not converge, the gains of all named cells are raised to at least 1: an unreachable target must not
+    lower other cells that share its clips.
     """
-    worth, there = factor.copy(), wanted > 0.0
+    gain, occupied = factor.copy(), target > 0.0
     rest = 1.0 - inside.sum(axis=1)
     for _ in range(ROUNDS):
-        raised = weight * (rest + inside @ worth)
+        raised = weight * (rest + inside @ gain)
         share = raised @ inside / raised.sum()
-        if np.all(np.abs(share - wanted)[there] <= CLOSE * wanted[there]):
+        if np.all(np.abs(share - target)[occupied] <= CLOSE * target[occupied]):
             break
-        worth[there] *= wanted[there] / share[there]
-        worth = np.clip(worth, factor / MOST_WORTH, factor * MOST_WORTH)
+        gain[occupied] *= target[occupied] / share[occupied]
+        gain = np.clip(gain, factor / MAX_GAIN, factor * MAX_GAIN)
     else:
-        worth = np.maximum(worth, 1.0)
-    return weight * (rest + inside @ worth)
+        gain = np.maximum(gain, 1.0)
+    return weight * (rest + inside @ gain)
 
 
 def _bounded(weight: np.ndarray, seconds: np.ndarray, before: np.ndarray, max_ratio: float) -> np.ndarray:
-    """Weights none of whose seconds weighs more than `max_ratio` times the mean, where it did not before."""
+    """Limit the weight per second to `max_ratio` times the mean, or to the largest ratio before feedback."""
     second, old = weight / seconds, before / seconds
     highest = max(max_ratio, float(old.max() * seconds.sum() / before.sum()))
     for _ in range(50):
@@ -131,16 +135,18 @@ def _bounded(weight: np.ndarray, seconds: np.ndarray, before: np.ndarray, max_ra
 
 
 ROUNDED_N_M = 1e-3
-"""Proposed limits are rounded to this."""
+"""Resolution of proposed torque limits [N m]."""
 
 
 def check_limits(actuators: Sequence[JointActuator], changes: Sequence[Change], lowest: float) -> None:
-    """Raises ChangeError for limits of joints that the robot lacks, or further down than its calibration allows.
+    """Raise ChangeError for limits of unknown joints, or below the allowed fraction of the calibrated limit.
 
-    What a file says that a limit was before is nothing to go by: any hand can write it.
+    The calibrated limit is taken from `actuators`, not from `Change.before`, which a person can edit in the file.
 
     Args:
-        lowest: of the calibrated limit, the rule's
+        actuators: calibrated actuators of the robot
+        changes: approved changes of the section `motors`
+        lowest: lowest allowed fraction of the calibrated limit, by the rules
     """
     calibrated = {each.joint: each.box_effort_limit for each in actuators}
     faults = []
@@ -149,26 +155,26 @@ def check_limits(actuators: Sequence[JointActuator], changes: Sequence[Change], 
         if limit is None:
             faults.append(f"'{each.what}' is no joint of {each.robot}; there are: {', '.join(calibrated)}")
         elif each.value < lowest * limit - ROUNDED_N_M:
-            least = f"{lowest:g} of the {limit:g} N m that it is calibrated to"
-            faults.append(f"'{each.what}' is {each.value:g} N m; allowed is no less than {least}")
+            least = f"{lowest:g} of the calibrated {limit:g} N m"
+            faults.append(f"'{each.what}' is {each.value:g} N m; the lowest allowed is {least}")
     if faults:
         raise ChangeError(
             f"data/feedback/approved.yaml, 'motors': {'; '.join(faults)}. Approve 'motors' of the current proposal "
-            "again (job approve_feedback), or take it back (job take_back_feedback, or delete the entry)."
+            "again (job approve_feedback), or revoke it (job take_back_feedback, or delete the entry)."
         )
 
 
-def lowered(actuators: Sequence[JointActuator], changes: Sequence[Change]) -> tuple[JointActuator, ...]:
-    """The actuators with approved limits where these are lower; a limit is never raised by a log."""
+def with_lowered_limits(actuators: Sequence[JointActuator], changes: Sequence[Change]) -> tuple[JointActuator, ...]:
+    """Apply approved torque limits that are below the calibrated ones. Feedback never raises a limit."""
     limits = {change.what: change for change in changes}
     return tuple(_lowered(each, limits[each.joint]) if each.joint in limits else each for each in actuators)
 
 
 def _lowered(actuator: JointActuator, change: Change) -> JointActuator:
     if change.value >= actuator.box_effort_limit:
-        return dataclasses.replace(actuator, verdict=f"{actuator.verdict}; logs show no less")
+        return dataclasses.replace(actuator, verdict=f"{actuator.verdict}; the approved limit is not lower")
     box = BoxLimits(box_effort_limit=change.value, box_velocity_limit=actuator.box_velocity_limit)
     line = dc_motor_line(box, actuator.dc_motor_no_load_speed)
     logs = ", ".join(sorted({each.log for each in change.witnesses}))
-    verdict = f"{actuator.verdict}; torque lowered to what {logs} showed"
+    verdict = f"{actuator.verdict}; torque limit lowered by {logs}"
     return dataclasses.replace(actuator, box_effort_limit=change.value, verdict=verdict, **line)

@@ -1,4 +1,4 @@
-"""A bounded change and the logs it rests on."""
+"""A bounded change of one number, and the logs that support it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,81 +9,82 @@ from pipeline.feedback.rules import BOTH, LESS, MORE, PERTURBATIONS, TIME_SCALE,
 from pipeline.files import digest, settings
 
 SECTIONS: dict[str, str] = {
-    "selection": "most seconds of a skill (more windows only where that bound cut some off), times",
+    "selection": "factor on the limit of a skill's seconds (adds windows only if the limit excluded some)",
     "augmentation": "perturbation of a skill's clips",
-    "weights": "weight of a command cell, times",
+    "weights": "factor on the weight of a command cell",
     "motors": "torque limit of a joint [N m]",
-    "randomization": "end of a range that training draws from",
+    "randomization": "end of a randomization range of training",
 }
-"""What can change; each feeds other assets."""
+"""Section -> meaning of the numbers that it changes."""
 
 DIGITS = 16
-"""Hex digits of a proposal's digest: enough to distinguish what was reviewed from what is approved."""
+"""Hex digits of a proposal's digest."""
 
 
 def experiment_of(policy: str, log: str, *, simulated: bool) -> str:
-    """What a log counts with: a robot's log by itself, a simulated one with all that were simulated of its policy.
+    """Id of the experiment that a log belongs to. Each experiment counts once as evidence.
 
-    A simulator writes as many logs as one likes, so their number is no evidence: a policy in simulation is one
-    experiment.
+    A real log is one experiment. All simulated logs of a policy together are one experiment, because a simulator can
+    produce any number of logs.
 
     Args:
-        policy: its digest
-        log: digest of the log, or of one of its recording's
+        policy: digest of the policy
+        log: digest of the log, or of the first log of its recording
+        simulated: whether the log is simulated
     """
     return f"{policy} in simulation" if simulated else log
 
 
 class ChangeError(PipelineError):
-    """A change that the rules do not allow."""
+    """A change is outside the rules."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Witness:
-    """A failure in a log that a change rests on."""
+    """A failure in a log, as evidence for a change."""
 
     trial: str
     log: str
-    """File of the log."""
+    """Path of the log in data/hardware_logs."""
     sha256: str
-    """Of the log's bytes."""
+    """SHA-256 of the log's bytes."""
     policy: str
-    """Digest of the policy that walked."""
+    """Digest of the policy in the log."""
     simulated: bool
     said: str
     """The failure as one line."""
 
     @property
     def experiment(self) -> str:
-        """What it counts with; equal for all that count once."""
+        """Id of its experiment (`experiment_of`)."""
         return experiment_of(self.policy, self.sha256, simulated=self.simulated)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One number that is to be another one."""
+    """A change of one number."""
 
     section: str
     """One of `SECTIONS`."""
     robot: str
     what: str
-    """Command cell, skill, joint or range; of perturbations the kind and the skill, as `foot_lift of walk`."""
+    """Command cell, skill, joint or range; for a perturbation its kind and skill, for example `foot_lift of walk`."""
     value: float
-    """What it becomes; factors are 1 where nothing changes. Of playing speeds it is the width about 1."""
+    """New value. A factor of 1 changes nothing. For time scales, it is the distance from 1."""
     before: float
-    """What it is without."""
+    """Value without the change."""
     bound: float
-    """How far the rules let it go."""
+    """Limit of the value by the rules."""
     witnesses: tuple[Witness, ...]
 
     @property
     def logs(self) -> tuple[str, ...]:
-        """Digests of the logs it rests on, each once."""
+        """Digests of the supporting logs, without duplicates."""
         return tuple(dict.fromkeys(each.sha256 for each in self.witnesses))
 
     @property
     def experiments(self) -> int:
-        """How often its logs count."""
+        """Number of experiments that the supporting logs count as."""
         return len({each.experiment for each in self.witnesses})
 
     def text(self) -> str:
@@ -95,30 +96,30 @@ class Change:
         )
 
     def counted(self) -> str:
-        """Its logs and how often they count, as `28 logs that count as 1`."""
+        """Number of logs and of experiments, for example `28 logs that count as 1`."""
         logs, counts = len(self.logs), self.experiments
         alone = self.section == "motors" or counts == logs
         return f"{logs} log{'s' if logs > 1 else ''}{'' if alone else f' that count as {counts}'}"
 
 
 def proposal_digest(changes: Sequence[Change]) -> str:
-    """Identifies a proposal; empty where there is nothing to propose."""
+    """Digest that identifies a proposal; empty without changes."""
     return digest.of_json(settings.plain(changes))[:DIGITS] if changes else ""
 
 
 def check_bounds(changes: Sequence[Change], rules: FeedbackRules) -> None:
-    """Raises ChangeError for changes beyond what the rules allow, all of them at once.
+    """Check changes against the rules. Raises one ChangeError with all faults.
 
-    That holds for every change that takes effect, by whatever hand its file was written. The number of experiments
-    counts too: one can't move what takes two.
+    Every change that takes effect is checked, including changes edited by hand. The allowed range depends on the number
+    of experiments that support the change.
     """
     faults = [fault for each in changes for fault in _faults(each, rules)]
     seen: set[tuple[str, str, str]] = set()
     for each in changes:
-        place = place_of(each)
-        if place in seen:
-            faults.append(f"{each.section} {each.what} of {each.robot} is there twice")
-        seen.add(place)
+        key = change_key(each)
+        if key in seen:
+            faults.append(f"{each.section} {each.what} of {each.robot} occurs twice")
+        seen.add(key)
     if faults:
         raise ChangeError("; ".join(faults))
 
@@ -126,49 +127,48 @@ def check_bounds(changes: Sequence[Change], rules: FeedbackRules) -> None:
 def _faults(change: Change, rules: FeedbackRules) -> list[str]:
     name = f"{change.section} '{change.what}'"
     if not change.witnesses:
-        return [f"{name} names no log that it rests on"]
+        return [f"{name} names no log that supports it"]
     skill = _skill(change)
     if skill is not None and skill not in SKILLS:
-        return [f"{name} names no skill; there are: {', '.join(SKILLS)}"]
+        return [f"{name} names no skill; skills are: {', '.join(SKILLS)}"]
     allowed = allowed_range(change, rules)
     if allowed is None:
-        return [f"{name} is nothing that data/feedback_rules.yaml has a rule for"]
+        return [f"{name} has no rule in data/feedback_rules.yaml"]
     start = _start(change, rules)
     if start is not None and change.before != start:
-        return [f"{name} is {change.before:g} before, but {start:g} by the rules"]
+        return [f"{name} has the value {change.before:g} before the change, but {start:g} by the rules"]
     low, high = allowed
     if not low - 1e-9 <= change.value <= high + 1e-9:
-        return [f"{name} is {change.value:g}; by {change.counted()} allowed is {low:g} to {high:g}"]
+        return [f"{name} is {change.value:g}; with {change.counted()}, {low:g} to {high:g} is allowed"]
     return []
 
 
 def perturbation_of(what: str) -> tuple[str, str]:
-    """Kind and skill of a perturbation. A skill alone, as files have it that were approved when there was nothing else,
-    means its playing speeds."""
+    """Kind and skill of a perturbation. Older files name only the skill, which means its time scales."""
     kind, _, skill = what.rpartition(" of ")
     return kind or TIME_SCALE, skill
 
 
-def place_of(change: Change) -> tuple[str, str, str]:
-    """What a change is of: section, robot, number. Two changes of one place contradict each other."""
+def change_key(change: Change) -> tuple[str, str, str]:
+    """Section, robot and item that a change sets. Two changes with the same key contradict each other."""
     what = " of ".join(perturbation_of(change.what)) if change.section == "augmentation" else change.what
     return change.section, change.robot, what
 
 
 def _skill(change: Change) -> str | None:
-    """The skill that a change is of, known or not; None where it is of none."""
+    """The skill that a change names, known or not; None in sections without skills."""
     if change.section == "augmentation":
         return perturbation_of(change.what)[1]
     return change.what if change.section == "selection" else None
 
 
 def neutral(kind: str) -> float:
-    """The value of a change that would leave a perturbation of that kind away."""
+    """The value at which a perturbation of this kind has no effect."""
     return 0.0 if kind == TIME_SCALE else PERTURBATIONS[kind].neutral
 
 
 def _start(change: Change, rules: FeedbackRules) -> float | None:
-    """What the rules say that a change is without; None where they do not say."""
+    """Value without the change by the rules; None if the rules do not define it."""
     if change.section == "randomization":
         return rules.randomization[change.what].start
     return neutral(perturbation_of(change.what)[0]) if change.section == "augmentation" else None
@@ -185,9 +185,10 @@ def _strengths_allowed(change: Change, rules: FeedbackRules) -> tuple[float, flo
 
 
 def allowed_range(change: Change, rules: FeedbackRules) -> tuple[float, float] | None:
-    """Lowest and highest value that a change may have by the logs it rests on; None where there is no rule.
+    """Lowest and highest value that the supporting logs allow; None without a rule.
 
-    Experiments are counted. Of a motor's limit it is logs: they measure it, and more of them move it no further.
+    The range grows with the number of experiments. A motor's limit is measured instead: it needs a minimum number of
+    logs, and more logs do not widen the range.
     """
     if change.section in ("weights", "selection"):
         rule = rules.weights if change.section == "weights" else rules.selection

@@ -1,9 +1,9 @@
-"""From failures to changes, by rules. Every change names the logs behind it; what proposes nothing says why.
+"""Changes proposed from failures by rules. Each change names its logs; each log or failure without a change, a reason.
 
-What is counted is experiments, not failures: a robot that falls ten times in one log moves a number as far as one that
-falls once. A log that is there twice, as a copy, a torn copy or in pieces, counts once, with all of its trials. Which
-those are is asked after trust, so that a copy that cannot count takes nothing from the one that can. All simulated logs
-of one policy count once: a validation of more cells, or another one, moves no number further.
+The size of a change depends on the number of experiments, not of failures: ten falls in one log count as one. Copies of
+a log (complete, torn or split) count once, with all of their trials. Copies are found among the trusted logs only, so
+that an untrusted copy does not exclude a trusted one. All simulated logs of one policy count once, however many cells
+or validations there are.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,36 +17,49 @@ from pipeline.failures.trial_report import TrialReport
 from pipeline.feasibility.command_space import VELOCITIES, CommandSettings, cell_of
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
-from pipeline.feedback.trust import CountedTrial, NamedBy, Pair, doubt_of, grouped, recorded, trusted, witnesses_of
+from pipeline.feedback.trust import (
+    CommandNamer,
+    CountedTrial,
+    Pair,
+    doubt_of,
+    grouped,
+    trusted,
+    without_copies,
+    witnesses_of,
+)
 from pipeline.selection import SKILLS
 from pipeline.selection.skills import SkillBounds, distances
 
 STANDING, OF_STEPS = "stand", (TIME_SCALE, "step_length", "foot_lift")
-"""Kinds of perturbation that standing has nothing of."""
+"""Perturbations that do not apply to the skill `stand`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """What the rules make of all logs."""
+    """Changes proposed from all logs."""
 
     changes: tuple[Change, ...]
-    silent: tuple[str, ...]
-    """A reason for each log, failure or number without a proposal."""
+    unproposed: tuple[str, ...]
+    """The reason for each log, failure or number without a proposed change."""
 
 
 def propose(
     reports: Sequence[TrialReport], rules: FeedbackRules, commands: CommandSettings, skills: SkillBounds
 ) -> Proposal:
-    """The changes that the reports ask for.
+    """Propose changes from the failures of all trials.
 
-    `commands` names the cells of the command space as KP5 does, `skills` labels a command as KP1 labels a motion.
+    Args:
+        reports: failures of each trial
+        rules: which failures count, and how far each number may change
+        commands: cells of the command space, as in KP5
+        skills: velocity ranges of the skills, as in KP1
     """
-    trustworthy, silent = trusted(sorted(reports, key=lambda report: (report.trial, report.file)), rules)
-    heard, copies = recorded(trustworthy)
-    silent += copies
-    pairs = [(trial, failure) for trial in heard for failure in trial.report.failures if failure.of_policy]
+    trustworthy, unproposed = trusted(sorted(reports, key=lambda report: (report.trial, report.file)), rules)
+    counting, copies = without_copies(trustworthy)
+    unproposed += copies
+    pairs = [(trial, failure) for trial in counting for failure in trial.report.failures if failure.of_policy]
     counted = [pair for pair in pairs if not doubt_of(pair[1], rules)]
-    silent += [
+    unproposed += [
         f"{trial.report.trial}: {each.text()}: {doubt_of(each, rules)}"
         for trial, each in pairs
         if doubt_of(each, rules)
@@ -54,19 +67,19 @@ def propose(
     changes: list[Change] = []
     for robot in sorted({trial.report.robot for trial, _ in counted}):
         own = [pair for pair in counted if pair[0].report.robot == robot]
-        trials = [trial for trial in heard if trial.report.robot == robot]
+        trials = [trial for trial in counting if trial.report.robot == robot]
         cell, skill = _cell_namer(commands), _skill_namer(skills)
         changes += _factors("weights", own, trials, rules, cell)
         changes += _factors("selection", own, trials, rules, skill)
         perturbed, undecided = _perturbations(own, trials, rules, skill)
         motors, doubts = _motors(own, rules.motors)
-        changes, silent = [*changes, *perturbed, *motors], [*silent, *undecided, *doubts]
+        changes, unproposed = [*changes, *perturbed, *motors], [*unproposed, *undecided, *doubts]
         changes += _ranges(own, rules)
     check_bounds(changes, rules)
-    return Proposal(changes=tuple(changes), silent=tuple(silent))
+    return Proposal(changes=tuple(changes), unproposed=tuple(unproposed))
 
 
-def _cell_namer(commands: CommandSettings) -> NamedBy:
+def _cell_namer(commands: CommandSettings) -> CommandNamer:
     def cell(command: tuple[float, float, float]) -> str:
         row = pd.DataFrame([dict(zip(VELOCITIES, command, strict=True))])
         return str(cell_of(row, commands).iloc[0])
@@ -74,7 +87,7 @@ def _cell_namer(commands: CommandSettings) -> NamedBy:
     return cell
 
 
-def _skill_namer(bounds: SkillBounds) -> NamedBy:
+def _skill_namer(bounds: SkillBounds) -> CommandNamer:
     def skill(command: tuple[float, float, float]) -> str:
         forward, lateral, yaw = (np.array([value]) for value in command)
         return SKILLS[int(np.argmin(distances(forward, lateral, yaw, bounds)[0]))]
@@ -83,33 +96,33 @@ def _skill_namer(bounds: SkillBounds) -> NamedBy:
 
 
 def _factors(
-    section: str, pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: NamedBy
+    section: str, pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: CommandNamer
 ) -> list[Change]:
-    """Factors on command cells or skills."""
+    """Changes of the sections `weights` and `selection`: factors on command cells or skills."""
     rule = rules.weights if section == "weights" else rules.selection
     groups = grouped(pairs, trials, rule.kinds, rules.trust.least_share, name)
     return [_moved(section, group, key, rules, before=1.0, bound=rule.most) for key, group in groups.items()]
 
 
 def _perturbations(
-    pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: NamedBy
+    pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: CommandNamer
 ) -> tuple[list[Change], list[str]]:
-    """Perturbations of the clips of skills, of each kind that a rule answers the failures of the skill with.
+    """Perturbations of the clips of each skill, by the rules for its failures, and reasons for none.
 
-    Where some failures ask for less and others for more of the same, neither is proposed.
+    If some failures require less and others more of the same perturbation, neither is proposed.
     """
     changes, silent = [], []
     for kind, rule in rules.augmentation.items():
-        asked: dict[str, dict[str, list[Pair]]] = {}
+        by_skill: dict[str, dict[str, list[Pair]]] = {}
         for answer in rule.answers:
             fitting = [pair for pair in pairs if _answered(pair[1], answer)]
             for skill, group in grouped(fitting, trials, answer.kinds, rules.trust.least_share, name).items():
-                asked.setdefault(skill, {}).setdefault(answer.way, []).extend(group)
-        for skill, ways in sorted(asked.items()):
+                by_skill.setdefault(skill, {}).setdefault(answer.way, []).extend(group)
+        for skill, ways in sorted(by_skill.items()):
             if skill == STANDING and kind in OF_STEPS:
                 continue
             if len(ways) > 1:
-                silent.append(f"{kind} of {skill} stays as it is: some failures ask for less of it, others for more")
+                silent.append(f"{kind} of {skill} is not changed: some failures require less of it, others more")
                 continue
             ((way, group),) = ways.items()
             changes.append(_perturbation(kind, skill, way, group, rules))
@@ -117,7 +130,7 @@ def _perturbations(
 
 
 def _answered(failure: Failure, answer: Answer) -> bool:
-    """Whether direction and cause of a failure are among those that are answered; its kind is checked later."""
+    """Whether an answer applies to the direction and cause of a failure; its kind is checked later."""
     return (not answer.directions or failure.direction in answer.directions) and (
         not answer.causes or failure.evidence.get("cause") in answer.causes
     )
@@ -131,7 +144,7 @@ def _perturbation(kind: str, skill: str, way: str, group: Sequence[Pair], rules:
 
 
 def _change(section: str, group: Sequence[Pair], what: str, before: float, bound: float) -> Change:
-    """A change that rests on some failures and moves nothing yet."""
+    """A change with the failures of `group` as evidence, whose value is still `before`."""
     robot, witnesses = group[0][0].report.robot, witnesses_of(group)
     facts = {"section": section, "robot": robot, "what": what, "bound": bound, "witnesses": witnesses}
     return Change(value=before, before=before, **facts)
@@ -140,7 +153,7 @@ def _change(section: str, group: Sequence[Pair], what: str, before: float, bound
 def _moved(
     section: str, group: Sequence[Pair], what: str, rules: FeedbackRules, *, before: float, bound: float
 ) -> Change:
-    """The change that goes as far from `before` as the rule lets this many experiments."""
+    """A change to the value farthest from `before` that the rule allows for the number of experiments."""
     change = _change(section, group, what, before, bound)
     allowed = allowed_range(change, rules)
     assert allowed is not None
@@ -149,7 +162,7 @@ def _moved(
 
 
 def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[str]]:
-    """Torque limits of joints that gave less than commanded, consistently in several logs."""
+    """Lower torque limits of joints that gave less torque than commanded, consistently in several logs."""
     by_joint: dict[str, list[Pair]] = {}
     for trial, failure in pairs:
         if failure.kind in rule.kinds and "given_n_m" in failure.evidence:
@@ -160,7 +173,7 @@ def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[
         limit = float(np.median(list(_by_log(group, "limit_n_m").values())))
         value = float(np.median(list(given.values())))
         spread = (max(given.values()) - min(given.values())) / value
-        why = _against(value, limit, spread, len(given), rule)
+        why = _objection(value, limit, spread, len(given), rule)
         if why:
             silent.append(f"{joint} gave {value:.1f} of {limit:g} N m and keeps its limit: {why}")
             continue
@@ -170,27 +183,27 @@ def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[
 
 
 def _by_log(group: Sequence[Pair], name: str) -> Mapping[str, float]:
-    """Median over the failures of each recording."""
+    """Recording -> median of an evidence value over its failures."""
     values: dict[str, list[float]] = {}
     for trial, failure in group:
         values.setdefault(trial.recording, []).append(float(failure.evidence[name]))
     return {log: float(np.median(each)) for log, each in values.items()}
 
 
-def _against(value: float, limit: float, spread: float, logs: int, rule: MotorRule) -> str:
+def _objection(value: float, limit: float, spread: float, logs: int, rule: MotorRule) -> str:
     if value > (1.0 - rule.least_reduction) * limit:
-        return f"that is less than {100 * rule.least_reduction:g} % below it"
+        return f"it is less than {100 * rule.least_reduction:g} % below the limit"
     if logs < rule.least_logs:
-        return f"{logs} log says so, {rule.least_logs} are required"
+        return f"{logs} log{'s' if logs > 1 else ''} show{'' if logs > 1 else 's'} it, {rule.least_logs} are required"
     if spread > rule.agreement:
         return f"the logs differ by {100 * spread:.0f} %"
     if value < rule.lowest * limit:
-        return f"below {rule.lowest:g} of it the motor is broken"
+        return f"below {rule.lowest:g} of it, the motor is probably broken"
     return ""
 
 
 def _ranges(pairs: Sequence[Pair], rules: FeedbackRules) -> list[Change]:
-    """Ends of the ranges that training draws from."""
+    """Changes of the section `randomization`: wider ranges for training."""
     changes = []
     for name, rule in sorted(rules.randomization.items()):
         group = [

@@ -1,4 +1,4 @@
-"""How far failures may move what is curated. `data/feedback_rules.yaml` has the values and their sources."""
+"""Rules that bound the changes proposed from failures. `data/feedback_rules.yaml` has the values and their sources."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,37 +13,37 @@ DIRECTIONS = ("forward", "backward", "left", "right")
 LESS, MORE, BOTH = "less", "more", "both"
 TIME_SCALE = "time_scale"
 PERTURBATIONS = {TIME_SCALE: Strength(0.5, 1.5, neutral=1.0), **STRENGTHS}
-"""Kind of perturbation of KP4 -> strengths that it may have."""
+"""Kind of perturbation of KP4 -> its allowed strengths."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ApprovalRules:
-    """Who lets a proposal take effect."""
+    """How a proposal takes effect."""
 
     required: bool
-    """Whether a person has to approve; if not, what is proposed is approved at once."""
+    """Whether a person has to approve; if not, proposed changes are approved automatically."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrustRules:
-    """Which failures count."""
+    """Which logs and failures count as evidence."""
 
     least_confidence: Annotated[float, SHARE]
     policies: Annotated[tuple[str, ...], Pattern()]
-    """Patterns of policy digests."""
+    """Patterns of policy digests whose logs count."""
     simulated: Annotated[str, OneOf(SIMULATED)]
-    """`always`, `never`, or `until_real`: as long as there is no real log of the robot."""
+    """Whether simulated logs count: `always`, `never`, or `until_real`: until there is a real log of the robot."""
     unverified: bool
-    """Whether logs count whose bytes no checksum covers."""
+    """Whether logs without checksums count."""
     attitude_confirms: bool
-    """Whether a fall counts only where the attitude shows it."""
+    """Whether a fall counts only if the attitude confirms it."""
     least_share: Annotated[float, SHARE]
-    """Of the experiments with such a command, that failed."""
+    """Least share of failed experiments among those with the same command cell or skill."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FactorRule:
-    """A factor on something that is there: `per_experiment` to the power of the experiments, at most `most`."""
+    """A factor: `per_experiment` to the power of the number of experiments, at most `most`."""
 
     kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
     per_experiment: Annotated[float, Range(1.0, 2.0)]
@@ -52,20 +52,20 @@ class FactorRule:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """Failures that a kind of perturbation answers, and to which side of the original."""
+    """Failures that lead to a perturbation, and its direction relative to the original."""
 
     kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
     directions: Annotated[tuple[str, ...], OneOf(DIRECTIONS)]
-    """Directions that the failure has to have; none: any."""
+    """Directions of the failure; empty: any."""
     causes: tuple[str, ...]
-    """Causes that the failure's evidence has to name; none: any."""
+    """Causes named by the failure's evidence; empty: any."""
     way: Annotated[str, OneOf((LESS, MORE, BOTH))]
-    """`less` or `more` of what is perturbed; `both` for playing speeds."""
+    """`less` or `more` of the perturbed quantity; `both` for time scales."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PerturbationRule:
-    """A kind of perturbation: beside the original it begins at `first`, grows by `per_experiment`, ends at `most`."""
+    """Strength of a perturbation: `first` for one experiment plus `per_experiment` for each further, up to `most`."""
 
     answers: tuple[Answer, ...]
     first: Annotated[float, POSITIVE]
@@ -73,31 +73,31 @@ class PerturbationRule:
     most: Annotated[float, POSITIVE]
 
     def amount(self, experiments: int) -> float:
-        """How far from the original this many experiments let it go."""
+        """Allowed distance from the original for a number of experiments."""
         return min(self.first + self.per_experiment * (experiments - 1), self.most)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotorRule:
-    """When a joint's torque limit is what its robot showed."""
+    """When the torque limit of a joint is lowered to the observed one."""
 
     kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
     least_logs: Annotated[int, COUNT]
     agreement: Annotated[float, PART]
-    """Largest spread of the logs' limits over their median."""
+    """Largest spread of the limits observed in the logs, relative to their median."""
     least_reduction: Annotated[float, SHARE]
-    """Least reduction, of the calibrated limit."""
+    """Least reduction, as a fraction of the calibrated limit."""
     lowest: Annotated[float, PART]
-    """Lowest limit, of the calibrated one."""
+    """Lowest limit, as a fraction of the calibrated limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RangeRule:
-    """One end of a range that training draws from: `start` + `per_experiment` an experiment, as far as `bound`."""
+    """One end of a randomization range: `start` plus `per_experiment` for each experiment, limited by `bound`."""
 
     kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
     causes: tuple[str, ...]
-    """Causes that the failure's evidence has to name; none: any failure of the kinds."""
+    """Causes named by the failure's evidence; empty: any failure of the kinds."""
     start: float
     per_experiment: float
     bound: float
@@ -105,7 +105,7 @@ class RangeRule:
 
 @dataclass(frozen=True)
 class _AnyRange(Range):
-    """A rule that moves towards its bound."""
+    """Checks that a rule moves towards its bound."""
 
     def problem(self, value: RangeRule) -> str | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         moved = (value.bound - value.start) * value.per_experiment
@@ -122,7 +122,7 @@ class FeedbackRules:
     weights: FactorRule
     selection: FactorRule
     augmentation: dict[str, PerturbationRule]
-    """Kind of perturbation -> when it is proposed, and how strongly."""
+    """Kind of perturbation -> rule for its proposal and strength."""
     motors: MotorRule
     randomization: Annotated[dict[str, RangeRule], Keys(keys=Pattern(), values=_AnyRange())]
 
@@ -131,12 +131,12 @@ class FeedbackRules:
 
 
 def _unusable(rules: FeedbackRules) -> list[tuple[str, str]]:
-    """Faults of rules for perturbations that KP4 does not have, or not so strong or to that side."""
+    """Faults of rules for perturbations that KP4 does not have, or not with this strength or direction."""
     faults = []
     for kind, rule in rules.augmentation.items():
         key, allowed = f"augmentation.{kind}", PERTURBATIONS.get(kind)
         if allowed is None:
-            faults.append((key, f"is no kind of perturbation, there are: {', '.join(PERTURBATIONS)}"))
+            faults.append((key, f"is no kind of perturbation; kinds are: {', '.join(PERTURBATIONS)}"))
             continue
         for place, answer in enumerate(rule.answers):
             ways = (BOTH,) if kind == TIME_SCALE else (LESS, MORE)

@@ -1,6 +1,7 @@
-"""Each trial against MuJoCo with the same policy, gains and command: how it tracks, and the cycle of its legs.
+"""Comparison of each hardware trial with MuJoCo under the same policy, gains and commands.
 
-The twin is the robot as it is calibrated, so what differs is what the calibration does not know.
+Compares the achieved velocities and the limit cycles of the legs. The simulation (the twin) uses the calibrated robot,
+so the differences are effects that the calibration does not model.
 """
 
 import dataclasses
@@ -27,26 +28,26 @@ from pipeline.validation.limit_cycles import PLANES, Comparison, NoCycleError, c
 
 TIMESTEP_S = 0.002
 LONGEST_S = 14.0
-"""Of a twin's walk [s]."""
+"""Longest duration of a twin's walk [s]."""
 SIDES = ("Left", "Right")
-WALKS_M_S = 0.3
-"""Slower commands have no cycle to compare [m/s]."""
+SLOWEST_WALK_M_S = 0.3
+"""Limit cycles are compared from this commanded speed on [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Twin:
-    """A steady stretch of a trial beside its simulation."""
+    """A steady stretch of a trial, and its simulation."""
 
     command: tuple[float, float, float]
     start_s: float
     stop_s: float
     achieved: tuple[float, float, float]
-    """By the trial: forward, lateral [m/s], yaw rate [rad/s]."""
+    """Mean velocity in the trial, heading frame: forward, lateral [m/s], yaw rate [rad/s]."""
     simulated: tuple[float, float, float]
-    """By its twin."""
+    """Mean velocity in the simulation, as `achieved`."""
     simulation_fell: bool
     cycles: tuple[Comparison, ...]
-    """The trial's leg joints compared with the simulation's."""
+    """Limit cycle of each leg in the trial, compared with the simulation."""
     notes: tuple[str, ...]
 
 
@@ -58,7 +59,16 @@ def twin_of(
     settings: FailureSettings,
     until_s: float,
 ) -> Twin | None:
-    """The longest steady stretch of a trial before `until_s` beside its simulation; None where nothing is steady."""
+    """Compare the longest steady stretch of a trial with its simulation; None without a steady stretch.
+
+    Args:
+        trial: the trial
+        robot: nominal robot
+        actuators: calibrated actuators
+        policy: policy of the trial
+        settings: thresholds for steadiness
+        until_s: end of the usable part of the trial, for example a fall [s]
+    """
     signals = signals_of(trial, robot)
     stretches = steady_stretches(signals, settings.tracking, min(until_s, LONGEST_S))
     if not stretches:
@@ -70,7 +80,7 @@ def twin_of(
     achieved = signals.velocity[start:stop].mean(axis=0).tolist()
     notes: list[str] = []
     cycles: tuple[Comparison, ...] = ()
-    if not rollout.fell and float(np.hypot(forward, lateral)) >= WALKS_M_S:
+    if not rollout.fell and float(np.hypot(forward, lateral)) >= SLOWEST_WALK_M_S:
         cycles = _cycles(trial, rollout, start_s, stop_s, notes)
     return Twin(
         command=(forward, lateral, yaw),
@@ -87,28 +97,37 @@ def twin_of(
 def simulated(
     trial: Trial, robot: Robot, actuators: Sequence[JointActuator], policy: Policy, seconds: float
 ) -> Rollout:
-    """The walk of a trial in MuJoCo: its commands and the gains that it sent, the calibrated motors, ideal sensors."""
-    gains = {name: _sent(getattr(trial, name), getattr(robot, name)) for name in ("kp", "kd")}
+    """Repeat a trial in MuJoCo with its logged commands and gains, calibrated motors and ideal sensors.
+
+    Args:
+        trial: the trial
+        robot: nominal robot
+        actuators: calibrated actuators
+        policy: policy of the trial
+        seconds: duration [s]
+    """
+    gains = {name: _logged_gains(getattr(trial, name), getattr(robot, name)) for name in ("kp", "kd")}
     task = dataclasses.replace(policy_task(robot, policy), **gains)
-    one = Deployed(robot=robot, task=task, policy=policy, envelope=torque_envelope(actuators))
+    deployed = Deployed(robot=robot, task=task, policy=policy, envelope=torque_envelope(actuators))
     command = np.nan_to_num(np.asarray(trial.command, dtype=float))
 
-    def wanted(time_s: float) -> np.ndarray:
+    def command_at(time_s: float) -> np.ndarray:
         return command[min(round(time_s * trial.rate_hz), len(command) - 1)]
 
     plant = MujocoPlant(robot, MujocoOptions(timestep_s=TIMESTEP_S))
-    return one.walk(plant, wanted, seconds, wrench_every=10_000, stop_on_fall=True)
+    return deployed.walk(plant, command_at, seconds, wrench_every=10_000, stop_on_fall=True)
 
 
-def _sent(gains: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
-    """The gains of most of a trial; the robot's where none were sent."""
+def _logged_gains(gains: np.ndarray, default: np.ndarray) -> np.ndarray:
+    """Median of the logged gains (n, joints); `default` (joints,) if none were logged."""
     gains = np.asarray(gains, dtype=float)
     known = gains[np.isfinite(gains).all(axis=1)]
-    return np.median(known, axis=0) if len(known) else np.array(otherwise)
+    return np.median(known, axis=0) if len(known) else np.array(default)
 
 
 def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float, float, float]:
-    """Mean velocity in the heading frame and yaw rate over a stretch, or as far as the walk went."""
+    """Mean forward and lateral velocity [m/s] in the heading frame and yaw rate [rad/s] over a stretch, or until the
+    walk ended."""
     rate = 1.0 / rollout.timestep_s
     kept = slice(min(round(start_s * rate), len(rollout.qpos) - 2), round(stop_s * rate))
     found = command_velocity(rollout.qpos[kept, :3], rollout.qpos[kept, 3:7], rate)
@@ -132,12 +151,12 @@ def _cycles(trial: Trial, rollout: Rollout, start_s: float, stop_s: float, notes
 
 
 def _between(rate_hz: float, start_s: float, stop_s: float, *arrays: np.ndarray) -> list[np.ndarray]:
-    """The samples of some arrays between two times [s]."""
+    """The samples of the arrays between two times."""
     return [array[round(start_s * rate_hz) : round(stop_s * rate_hz)] for array in arrays]
 
 
 def cycle_failures(twin: Twin, settings: FailureSettings) -> list[Failure]:
-    """Legs whose cycle is not that of the simulation."""
+    """A failure if the limit cycle of a leg deviates from the simulation; else empty."""
     bound = settings.limit_cycle.deviation
     worst = max(twin.cycles, key=lambda each: each.shape_distance[PLANES[0]], default=None)
     if worst is None or worst.shape_distance[PLANES[0]] <= bound:
@@ -160,7 +179,7 @@ def cycle_failures(twin: Twin, settings: FailureSettings) -> list[Failure]:
 
 
 def with_cycle_failures(report: TrialReport, twin: Twin | None, settings: FailureSettings) -> TrialReport:
-    """The report with what the comparison with the simulation adds."""
+    """Add the limit cycle failures of the twin to the report of a trial."""
     if twin is None:
         return report
     found = sorted((*report.failures, *cycle_failures(twin, settings)), key=lambda each: (each.time_s, each.kind))

@@ -1,4 +1,4 @@
-"""Where things are in the project. The only place that builds paths."""
+"""Paths, settings and robots of the project. No other module builds paths."""
 
 import dataclasses
 import os
@@ -17,17 +17,17 @@ from pipeline.robot import Robot, load_robot
 from pipeline.validation.bars import ValidationSettings, read_validation
 
 DEFAULT_ROBOT = "t1"
-"""The robot whose assets have the bare keys."""
+"""The robot whose asset keys have no robot prefix."""
 
 POLICIES_VARIABLE = "BOOSTER_LAB_POLICIES"
-"""Folder of further policies, to compare logs of theirs with simulation."""
+"""Environment variable with a folder of further policies, whose logs are compared with simulation."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Project:
-    """A checkout of the project: settings and sources in, store and databases out."""
+    """A checkout of the project."""
 
     root: Path
 
@@ -84,16 +84,16 @@ class Project:
         return self.data / "hardware_logs"
 
     def simulated_failures(self, robot: str, engine: str) -> Path:
-        """Folder among the logs for what a robot's policy failed at in simulation."""
+        """Folder among the logs for failed trials of a robot's policy in simulation."""
         return self.hardware_logs / "simulation" / robot / engine
 
     @property
     def log_digests(self) -> Path:
-        """File that remembers the digests of logs."""
+        """Cache of the digests of logs."""
         return self.store.root / "log_digests.json"
 
     def adapted_robot(self, robot: str) -> Path:
-        """Folder of the robot as adapted to its measurements, in the form of `robots/<robot>`."""
+        """Folder of the robot with calibrated motors, in the format of `robots/<robot>`."""
         return self.data / "adapted_robot" / robot
 
     @property
@@ -108,16 +108,16 @@ class Project:
 
     @property
     def proposed_feedback(self) -> Path:
-        """The file of proposed changes, in the form of the approved one."""
+        """The file of proposed changes, in the format of `approved.yaml`."""
         return self.data / "feedback" / "proposed.yaml"
 
     @property
     def approval_token(self) -> Path:
-        """File whose content the jobs of approval ask for."""
+        """File with the token that the approval jobs require."""
         return self.data / "feedback" / "approval_token"
 
     def policies(self, robot: str) -> Path:
-        """Folder of what is trained and exported here for a robot."""
+        """Folder of a robot's policies that are trained and exported here."""
         return self.data / "policies" / robot
 
     def policy_runs(self, robot: str) -> Path:
@@ -125,7 +125,7 @@ class Project:
         return self.policies(robot) / "runs"
 
     def exported_policy(self, robot: str) -> Path:
-        """Folder of the policy that is served, trained here or shipped, in every form."""
+        """Folder of the exported policy, trained here or shipped, in all formats."""
         return self.policies(robot) / "exported"
 
     def shipped_policies(self, robot: str) -> Path:
@@ -134,15 +134,15 @@ class Project:
 
     @property
     def training_lock(self) -> Path:
-        """File that a training holds as long as it lives."""
+        """Lock file of trainings, held while one runs."""
         return self.data / "policies" / "lock"
 
     def release_report(self, robot: str) -> Path:
-        """The page that a person signs."""
+        """File of the release report."""
         return self.data / "release" / robot / "release_report.html"
 
     def policy_files(self, robot: str) -> tuple[Path, ...]:
-        """Files of the policies at hand: shipped with the robot, exported here, and in the environment's folder."""
+        """Files of all available policies: shipped, exported here, and in the folder of the environment variable."""
         folders = [self.shipped_policies(robot), self.exported_policy(robot)]
         if os.environ.get(POLICIES_VARIABLE):
             folders.append(Path(os.environ[POLICIES_VARIABLE]).expanduser())
@@ -151,20 +151,20 @@ class Project:
 
     @property
     def remembered_sources(self) -> Path:
-        """File that records the sources that runs have used."""
+        """File that records the sources of earlier runs."""
         return self.store.root / "sources.json"
 
     def sources(self) -> SourcesInUse:
-        """The source folders: of `data/sources.yaml`, of the environment, and those of earlier runs' environments."""
+        """The source folders of `data/sources.yaml`, of the environment variable, and of earlier runs."""
         return sources_in_use(self.settings("sources.yaml"), os.environ.get(VARIABLE, ""), self.remembered_sources)
 
     def source_of(self, path: Path, stated: Statement) -> Source:
-        """The source a file belongs to, with what was stated on the command line put over what the source states.
+        """The source of a file. Properties stated on the command line override those of the source.
 
-        A file outside all sources makes up a source of its own: its folder.
+        For a file outside all sources, the source is its folder.
         """
         path = path.resolve()
-        for source in self._sources_there:
+        for source in self._existing_sources:
             if path.is_relative_to(source.folder):
                 below, above = source.statement_of(path), vars(stated).items()
                 statement = dataclasses.replace(below, **{name: each for name, each in above if each is not None})
@@ -173,8 +173,8 @@ class Project:
         return Source(name=path.parent.name or "file", folder=path.parent, statement=stated)
 
     @cached_property
-    def _sources_there(self) -> tuple[Source, ...]:
-        """Sources whose folders are there: another one that is lost says nothing of a file."""
+    def _existing_sources(self) -> tuple[Source, ...]:
+        """Sources whose folders exist; missing ones do not matter for a single file."""
         if (file := self.settings("sources.yaml")).is_file():
             variable = os.environ.get(VARIABLE, "")
             return sources_in_use(file, variable, self.remembered_sources, only_there=True).all
@@ -185,11 +185,13 @@ PROJECT = Project(Path(__file__).resolve().parents[2])
 
 
 def find_project() -> Project:
-    """The checkout that is worked in (it has `data` and `robots`), else the one that contains this package.
+    """The checkout around the working directory (with `data` and `robots`), else the one that contains this package.
 
-    Raises PipelineError when there is neither.
+    Raises PipelineError if there is neither.
     """
     for project in (Project(Path.cwd()), PROJECT):
         if project.data.is_dir() and (project.root / "robots").is_dir():
             return project
-    raise PipelineError("this folder has no 'data' and 'robots'; change to the project's folder and try again.")
+    raise PipelineError(
+        "this folder has no 'data' and 'robots'; change to the project's folder and run the command again."
+    )

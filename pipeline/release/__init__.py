@@ -1,1 +1,1 @@
-"""The report that a person signs before a policy runs on hardware."""
+"""Release report of a policy, which a person signs before the policy runs on hardware."""

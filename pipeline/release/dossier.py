@@ -1,7 +1,7 @@
-"""Data of the release report: card, lineage, verdicts, pictures, tables of figures with their bars.
+"""Data of the release report: card, lineage, verdicts, pictures, tables of figures with their thresholds.
 
-A check has passed only if its result says so explicitly, belongs to this policy and is not outdated. Everything else is
-failed, failed to run, outdated or not run; nothing without a verdict counts as passed.
+A check has passed only if its result states it explicitly, belongs to this policy and is not outdated. Any other check
+is failed, failed to run, outdated or not run.
 """
 
 import enum
@@ -14,22 +14,22 @@ from typing import Any
 from pipeline.validation.figures import FIGURES
 
 VERDICT = "verdict"
-"""Column whose words are shown in the colour of their status."""
+"""Column whose values are shown in the colour of their status."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Rows of texts under a header, all of the header's length."""
+    """Rows of texts with a header; each row has one text per column."""
 
     title: str
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     numeric: frozenset[int] = frozenset()
-    """Columns of numbers."""
+    """Indices of numeric columns."""
 
 
 def tables_of(result: Mapping[str, Any]) -> tuple[Table, ...]:
-    """The tables of a stored result (suite, engines, limit cycles, segments), without what is not in their form."""
+    """Tables of a stored result (suite, engines, limit cycles, segments). Parts in another format are left out."""
     found = (
         _table("Cells", _cells(_dicts(result.get("cells")))),
         _table("Walks", _dicts(result.get("rows"))),
@@ -41,7 +41,7 @@ def tables_of(result: Mapping[str, Any]) -> tuple[Table, ...]:
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """How many cells there are and how many of each verdict; empty where a result has no cells."""
+    """Number of cells in total and by verdict; empty for a result without cells."""
     cells = _dicts(result.get("cells")) or _dicts(result.get("rows"))
     words = {str(each["cell"]): str(each[VERDICT]) for each in cells if "cell" in each and VERDICT in each}
     if not words:
@@ -51,7 +51,7 @@ def headline(result: Mapping[str, Any]) -> str:
 
 
 def _cells(cells: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One row for each figure of a cell; a cell without figures has one."""
+    """One row per figure of each cell; one row for a cell without figures."""
     rows = []
     for cell in cells:
         figures, bars = _dict(cell.get("figures")), _dict(cell.get("bars"))
@@ -85,7 +85,7 @@ def _segments(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table | None:
-    """The rows under all their names; columns that are empty in every row are left out."""
+    """A table with all columns of the rows, without columns that are empty in every row; None without rows."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     names = [name for name in names if any(row.get(name) not in (None, "") for row in rows)]
     if not names:
@@ -106,7 +106,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _text(value: Any) -> str:
-    """A number with four digits, yes or no, or the text; a dash for what is missing."""
+    """Format a value: numbers with four digits, booleans as yes or no; a dash for a missing value."""
     if value is None or value == "" or (isinstance(value, float) and not math.isfinite(value)):
         return "–"
     if isinstance(value, bool):
@@ -128,7 +128,7 @@ class Status(enum.Enum):
     PASSED = "passed"
     FAILED = "failed"
     OUTDATED = "outdated"
-    """It was run, but on another policy, or one of its inputs has changed since."""
+    """Its result is of another policy, or one of its inputs has changed since."""
     FAILED_TO_RUN = "failed to run"
     """It was started and gave no verdict: crash, timeout or invalid output."""
     NOT_RUN = "not run"
@@ -161,21 +161,21 @@ class Verdict:
     facts: tuple[tuple[str, str], ...] = ()
     """Other facts of its result, name and value."""
     headline: str = ""
-    """Its figures in a few words: how many cells passed and failed."""
+    """Summary: numbers of passed and failed cells."""
     tables: tuple[Table, ...] = ()
-    """What it measured, with the bars."""
+    """Measured figures with their thresholds."""
     pictures: tuple[Picture, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """An asset that the policy, its data or a verdict comes from."""
+    """An asset in the lineage of the policy, its data or a verdict."""
 
     asset: str
     version: str
-    """Of its content."""
+    """Digest of its content."""
     remark: str = ""
-    """Why it is stale, or that it was never materialized."""
+    """Why it is stale or missing; else empty."""
     facts: tuple[tuple[str, str], ...] = ()
     """Facts of its last materialization, name and value."""
 
@@ -196,7 +196,7 @@ class Dossier:
 
     @property
     def open_points(self) -> tuple[str, ...]:
-        """What keeps the report from being ready to sign: checks that have not passed, parts that were not run."""
+        """Why the report is not ready to sign: checks that have not passed, parts that were not run."""
         if not self.policy:
             return ("there is no policy",)
         listed = (Status.PASSED, Status.FAILED_TO_RUN)
@@ -223,7 +223,7 @@ def verdict_of(
         return Verdict(name=name, status=Status.NOT_RUN, reasons=("it was never run here",))
     reasons = _texts(result.get("reasons"))
     parts = _texts(result.get("not_run", result.get("not run")))
-    spared = _texts(result.get("not_required", result.get("not required")))
+    optional = _texts(result.get("not_required", result.get("not required")))
     broken = _texts(result.get("failed_to_run"))
     status, why = _status(result, policy, outdated, bool(broken))
     if status in (Status.NOT_RUN, Status.FAILED_TO_RUN):
@@ -232,7 +232,7 @@ def verdict_of(
         name=name,
         status=status,
         reasons=(*why, *reasons),
-        not_required=spared,
+        not_required=optional,
         not_run=parts,
         failed_to_run=broken,
         facts=_facts(result),
@@ -247,12 +247,12 @@ def _status(result: Mapping[str, Any], policy: str, outdated: str, broken: bool)
     if passed is None and not broken:
         return Status.NOT_RUN, ()
     if of is None:
-        return Status.OUTDATED, ("its result does not say of which policy it is",)
-    then = ("it failed when it was run",) if passed is False else ()
+        return Status.OUTDATED, ("its result names no policy",)
+    failed = ("it failed when it was run",) if passed is False else ()
     if of != policy:
-        return Status.OUTDATED, (f"it is of the policy {str(of)[:12]}, not of {policy[:12]}", *then)
+        return Status.OUTDATED, (f"it evaluated the policy {str(of)[:12]}, not {policy[:12]}", *failed)
     if outdated:
-        return Status.OUTDATED, (outdated, *then)
+        return Status.OUTDATED, (outdated, *failed)
     if passed is None:
         return Status.FAILED_TO_RUN, ()
     return (Status.PASSED if passed is True else Status.FAILED), ()

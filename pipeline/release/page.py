@@ -21,7 +21,7 @@ def page(dossier: Dossier) -> str:
     """The page as HTML. Raises ValueError for a picture of an unknown kind."""
     for picture in (*dossier.pictures, *(each for verdict in dossier.verdicts for each in verdict.pictures)):
         if picture.kind not in KINDS:
-            raise ValueError(f"a picture is of the kind {picture.kind!r}, there are: {', '.join(KINDS)}")
+            raise ValueError(f"a picture has the kind {picture.kind!r}; kinds are: {', '.join(KINDS)}")
     counts = {status: sum(each.status is status for each in dossier.verdicts) for status in Status}
     content = ENVIRONMENT.get_template("page.html.jinja").render(
         dossier=dossier,
@@ -36,13 +36,13 @@ def page(dossier: Dossier) -> str:
 
 
 def style_source() -> str:
-    """What a content security policy calls the page's own style sheet."""
+    """Hash of the embedded style sheet, as a source in a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()}'"
 
 
 def _not_run(dossier: Dossier) -> tuple[str, ...]:
     whole = [
-        f"{each.name}: {'; '.join(each.reasons) or 'no reason is stated'}"
+        f"{each.name}: {'; '.join(each.reasons) or 'no reason'}"
         for each in dossier.verdicts
         if each.status in (Status.NOT_RUN, Status.OUTDATED)
     ]

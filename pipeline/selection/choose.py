@@ -150,21 +150,21 @@ class RaisedBound:
     def text(self) -> str:
         """One line for a report."""
         if self.bound_s is None:
-            head = f"{self.skill}: more was wanted by feedback, it has no bound, {self.there_s:.1f} s are there"
+            head = f"{self.skill}: feedback requests more, there is no limit, {self.there_s:.1f} s are available"
         else:
-            head = f"{self.skill}: wanted {self.wanted_s:g} s by feedback, {self.there_s:.1f} s are there"
+            head = f"{self.skill}: feedback requests {self.wanted_s:g} s, {self.there_s:.1f} s are available"
         if not self.reached:
-            bound = "" if self.bound_s is None else f", the bound of {self.bound_s:g} s cut none off"
-            return f"{head}: no more windows to take{bound}; record more of it"
+            limit = "" if self.bound_s is None else f", the limit of {self.bound_s:g} s excluded none"
+            return f"{head}: no more windows{limit}; record more of this skill"
         if not self.more_windows:
-            return f"{head}: {self.taken_s:.1f} s taken as before, none of the windows left out fits in"
+            return f"{head}: {self.taken_s:.1f} s selected as before, because none of the other windows fits the limit"
         windows = f"{self.more_windows} more window{'s' if self.more_windows > 1 else ''}"
-        room = f" in place of {self.fewer_windows} shorter" if self.fewer_windows else ""
-        rest = "that is all of it" if self.all_taken else f"{self.there_s - self.taken_s:.1f} s left out"
-        rest += "; record more" if self.short else ""
+        replaced = f" instead of {self.fewer_windows} shorter" if self.fewer_windows else ""
+        rest = "which is all of them" if self.all_taken else f"{self.there_s - self.taken_s:.1f} s not selected"
+        rest += "; record more of this skill" if self.short else ""
         return (
-            f"{head}: {windows}{room}, from {self.before_s:.1f} s "
-            f"(bound {self.bound_s:g} s) to {self.taken_s:.1f} s, {rest}"
+            f"{head}: {windows}{replaced}, from {self.before_s:.1f} s "
+            f"(limit {self.bound_s:g} s) to {self.taken_s:.1f} s, {rest}"
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """Poses along a clip in one picture: human, a rollout's reference and robot, at the same times and scale.
 
-Seen from the front right, turned so that the clip starts facing to the right; every pose is moved to its own place, so
-only height, posture and turning are shown, not the path. The ground is the grey sheet at z = 0; a shoe is green while
-the clip's label says that the foot is on the ground. `worst_clips` shows the clips that lost the most in a stage, with
-the reasons; `walk_gif` a robot clip as a short animation from the same point of view.
+The view is from the front right; the clip starts facing right. Each pose has its own place, so the sheet shows height,
+posture and turning, but not the path. The ground is the grey sheet at z = 0; a shoe is green while its foot is labelled
+as in contact. `worst_clips` shows the clips that lost the most seconds in a
+stage, with the reasons; `walk_gif` a robot clip as a short animation from the same point of view.
 """
 
 import dataclasses
@@ -36,19 +36,19 @@ from pipeline.viewing.projection import (
 from pipeline.viewing.robot_figure import robot_figure
 
 POSE_WIDTH = 1.05
-"""Room for a pose [m]."""
+"""Width of the place of a pose [m]."""
 
 TIME_HEIGHT, HEADROOM = 0.22, 0.12
-"""Height of the line of times below a row, and space above a head [m]."""
+"""Height of the line of times below a row, and space above the head [m]."""
 
 HUMAN_HEIGHT = 1.80
-"""Room for a human [m]; a robot has room for its default height and what its head adds."""
+"""Height of a row with a human [m]; the row of a robot depends on its default height."""
 
 PALETTE = 96
 """Colours of the picture."""
 
 ROBOT_HEIGHT_SHARE = 1.85
-"""Height of a standing robot / height of its root link; T1: 1.23 m / .68 m."""
+"""Ratio of the height of a standing robot to that of its root link; T1: 1.23 m / 0.68 m."""
 
 
 LARGE = 105.0
@@ -56,9 +56,13 @@ LARGE = 105.0
 
 
 def contact_sheet(clips: Sequence[Shown], robot: Robot | None, poses: int = 8, dots_per_m: float = 70.0) -> bytes:
-    """PNG of clips, one below the other under name and note: `poses` poses of each from its first frame to the last.
+    """PNG with one row of poses per clip, below its name and note.
 
-    `robot` is the one that the robot clips are for.
+    Args:
+        clips: clips from top to bottom
+        robot: robot of the robot clips; None without robot clips
+        poses: number of poses from the first frame to the last
+        dots_per_m: scale [dots/m]
     """
     drawn = _Drawing(poses * POSE_WIDTH, dots_per_m)
     for shown in clips:
@@ -67,7 +71,7 @@ def contact_sheet(clips: Sequence[Shown], robot: Robot | None, poses: int = 8, d
 
 
 class _Drawing:
-    """Triangles and texts from the top down, `width` [m] wide at `dots_per_m`; `low` is the lower end so far [m]."""
+    """Collects triangles and texts from the top down. `low` is the current lower end [m]."""
 
     def __init__(self, width: float, dots_per_m: float) -> None:
         self.width, self.dots_per_m = width, dots_per_m
@@ -97,7 +101,7 @@ class _Drawing:
         self.low -= 0.06
 
     def _room(self, points: float) -> int:
-        """Characters of a size [pt] per line; a character is on average 0.6 of its size wide."""
+        """Number of characters of a size [pt] per line; the mean width of a character is 0.6 of its size."""
         return max(20, int(self.width * self.dots_per_m / (0.6 * points * DPI / 72)))
 
     def _add_line(self, text: str, points: float, color: str) -> None:
@@ -127,7 +131,7 @@ class _Drawing:
 
 
 def entry_clip(store: Store, entry: Entry) -> Clip:
-    """The clip, cut to its window if KP1 kept the whole recording with it (`start_frame`, `stop_frame`)."""
+    """The clip, cut to its window if the blob is the whole recording (`start_frame`, `stop_frame`)."""
     clip = store.get_clip(entry.blob, entry.clip)
     start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")
     if not isinstance(clip, HumanClip) or start is None or stop is None or stop - start >= clip.frame_count:
@@ -136,11 +140,11 @@ def entry_clip(store: Store, entry: Entry) -> Clip:
 
 
 LEAST_LOST_S = 0.1
-"""Least loss that is shown [s]; less comes from rounding to frames."""
+"""Smallest loss that is shown [s]; smaller ones come from rounding to frames."""
 
 
 def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
-    """PNG of the clips that lost the most seconds in a stage, as they were before it, with the first reason.
+    """PNG of the input clips that lost the most seconds in a stage, with the first reason.
 
     One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
 
@@ -149,7 +153,7 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
         previous: manifest of the stage before it, which has the clips
         store: the store with the clips
         robot: the robot of the clips; None for human clips
-        most: most clips in the picture
+        most: maximum number of clips
     """
     there = {clip for (clip,) in previous.kept("clip")}
     found = stage.findings("clip", "seconds_in", "seconds_out")
@@ -186,7 +190,7 @@ GIF_FPS = 12.5
 
 
 def walk_gif(clip: RobotClip, robot: Robot, start_s: float) -> bytes:
-    """GIF of two seconds of a clip from `start_s` on, at its own speed; the same clip gives the same bytes."""
+    """GIF of two seconds of a clip from `start_s` on, in real time; the same clip gives the same bytes."""
     figure = robot_figure(clip, robot)
     stop_s = min(start_s + 2.0, figure.duration_s)
     frames = [figure.frame_at(float(time_s)) for time_s in np.arange(start_s, stop_s, 1.0 / GIF_FPS)] or [0]

@@ -39,7 +39,7 @@ class Part:
     name: str
     shapes: tuple[Shape, ...]
     foot: int | None = None
-    """0: left foot, 1: right foot, whose contact is shown; None for other parts."""
+    """Foot whose contact is shown: 0 left, 1 right; None for other parts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class Figure:
     root_pos_w: Float[np.ndarray, "t 3"]
     """Position of the whole figure [m]."""
     heading: Float[np.ndarray, " t"]
-    """Direction it faces, about world z [rad]."""
+    """Heading about world z [rad]."""
     contacts: np.ndarray | None = field(default=None)
     """Foot contacts (t, 2), (left, right); None if unknown."""
 
@@ -72,7 +72,7 @@ class Figure:
 
     @property
     def first_heading(self) -> float:
-        """Heading [rad] in the first frame that has one; 0 where none has."""
+        """Heading [rad] in the first frame with a known one; 0 if there is none."""
         known = self.heading[np.isfinite(self.heading)]
         return float(known[0]) if len(known) else 0.0
 

@@ -1,4 +1,4 @@
-"""Figures, or a policy's walk in MuJoCo, as a film without a display: MP4 or GIF, side by side, each followed."""
+"""Films (MP4 or GIF) of figures side by side, or of a policy in MuJoCo; they need no display."""
 
 import os
 import tempfile
@@ -21,9 +21,9 @@ from pipeline.viewing.robot_figure import robot_figure
 SUFFIXES = (".mp4", ".gif")
 DOTS_PER_M = 190
 WIDTH_M, HEIGHT_M = 1.2, 2.0
-"""Room for a figure."""
+"""Size of the place of a figure [m]."""
 LETTERS = 30
-"""Of a line of text over a figure."""
+"""Maximum number of characters per line above a figure."""
 FPS = {".mp4": 25, ".gif": 10}
 PALETTE = 64
 
@@ -31,14 +31,14 @@ PALETTE = 64
 def write_film(
     path: Path, figures: Sequence[Figure], *, start_s: float = 0.0, seconds: float | None = None, text: str = ""
 ) -> int:
-    """Write a film of figures that share a clock and return the number of its pictures. The file is whole or not there.
+    """Write a film of figures with a common clock and return its number of frames. The file is written atomically.
 
     Args:
         path: `.mp4` or `.gif`
         figures: from left to right
         start_s: time at which the film begins [s]
         seconds: length of the film [s]; None: to the end of the longest figure
-        text: line at the lower edge
+        text: text at the lower edge
 
     Raises FileError for another suffix and if the file can't be written, PipelineError for a start beyond the figures.
     """
@@ -47,7 +47,7 @@ def write_film(
     fps = FPS[path.suffix.lower()]
     end_s = max(figure.duration_s for figure in figures)
     if not 0.0 <= start_s <= end_s:
-        raise PipelineError(f"a film can't begin at {start_s:g} s, allowed are 0 to {end_s:.2f} s.")
+        raise PipelineError(f"a film can't start at {start_s:g} s; 0 to {end_s:.2f} s is allowed.")
     stop_s = end_s if seconds is None else min(start_s + seconds, end_s)
     times_s = np.arange(start_s, max(stop_s, start_s + 1.0 / fps), 1.0 / fps)
     pictures = (_picture(figures, float(time_s), text) for time_s in times_s)
@@ -69,7 +69,7 @@ def write_film(
 
 
 def _picture(figures: Sequence[Figure], time_s: float, text: str) -> np.ndarray:
-    """RGB picture (h, w, 3), both sides even as H.264 wants them."""
+    """RGB picture (h, w, 3), with even sides, as H.264 requires."""
     layers: list[Triangles] = []
     texts: list[Text] = []
     style = {"fontsize": 8, "ha": "center", "color": "#555555"}
@@ -102,7 +102,7 @@ LONGEST_S = 120.0
 
 @dataclass(frozen=True, kw_only=True)
 class Walk:
-    """What is filmed."""
+    """The walk to film."""
 
     command: tuple[float, float, float]
     """Forward and left velocity [m/s], yaw rate [rad/s]."""
@@ -124,12 +124,12 @@ def record_walk(path: Path, one: Deployed, walk: Walk) -> str:
 
 
 def simulated(one: Deployed, walk: Walk) -> tuple[RobotClip, float | None]:
-    """The walk at the control rate, and when the robot fell [s]; None if it did not."""
+    """The walk at the control rate, and the time of a fall [s]; None without a fall."""
     if walk.terrain not in TERRAINS:
         raise UnknownNameError("terrain", walk.terrain, list(TERRAINS))
     if not 0.0 < walk.seconds <= LONGEST_S:
         raise PipelineError(
-            f"a walk of {walk.seconds:g} s can't be filmed, allowed are more than 0 to {LONGEST_S:g} s."
+            f"a walk of {walk.seconds:g} s can't be filmed; more than 0, up to {LONGEST_S:g} s is allowed."
         )
     live = LiveWalk(one, walk.terrain, walk.friction)
     live.goal = np.array(walk.command)

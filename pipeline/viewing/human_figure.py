@@ -1,4 +1,4 @@
-"""A human's motion as a figure: a capsule from joint to joint, by the positions alone (but for the head)."""
+"""A human motion as a figure of capsules between joint positions; only the head uses its orientation."""
 
 import itertools
 
@@ -34,10 +34,10 @@ BONES: tuple[tuple[str, str, float, Color], ...] = (
     ("right_shoulder", "right_elbow", 0.043, SHIRT),
     ("right_elbow", "right_wrist", 0.036, SKIN),
 )
-"""From joint, to joint, radius [m] for a person with legs of `LEG`, colour. Chosen to look like a person."""
+"""From joint, to joint, radius [m] for a person with leg length `LEG`, colour. The radii are chosen by appearance."""
 
 LEG = 0.84
-"""Thigh plus shank [m] of the person the radii are for: .491 of 1.71 m (Drillis and Contini 1966)."""
+"""Thigh plus shank [m] of the person with these radii: 0.491 of 1.71 m (Drillis and Contini 1966)."""
 
 HEAD_RADIUS, HEAD_ABOVE = 0.10, 0.09
 """Radius of the head and height of its centre above the head's joint, along the head's z [m]."""
@@ -46,7 +46,7 @@ _FOOT = {"left_ankle": 0, "right_ankle": 1}
 
 
 def human_figure(clip: HumanClip) -> Figure:
-    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError for a leg that is missing."""
+    """The figure of a human clip. A bone with a missing joint is not drawn. Raises ClipError for a missing leg."""
     scale, facing_w = _leg(clip) / LEG, facing_of(clip)
     parts, pos, quat = [], [], []
     for start, stop, radius, color in BONES:

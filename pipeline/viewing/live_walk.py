@@ -1,4 +1,4 @@
-"""A policy that walks in MuJoCo while one watches: the command, pushes, terrain and friction change on the way."""
+"""Interactive walk of a policy in MuJoCo: command, pushes, terrain and friction can change at any time."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ PUSH_S = 0.1
 class LiveWalk:
     """A walk that is simulated one control step at a time.
 
-    After a fall the robot stays on the ground until `restart`. Nothing in it is random: equal calls give equal states.
+    After a fall the robot stays on the ground until `restart`. It is deterministic: equal calls give equal states.
     """
 
     def __init__(self, one: Deployed, terrain: str = "flat", friction: float = 1.0) -> None:
@@ -56,19 +56,19 @@ class LiveWalk:
         return self._plant.ground
 
     def place(self, terrain: str, friction: float) -> None:
-        """Put the robot at the start of a terrain of `TERRAINS` with a sliding friction, and restart."""
+        """Restart on a terrain of `TERRAINS` with a coefficient of sliding friction."""
         self._plant: MujocoPlant = self._worlds.plant(Conditions(friction=friction, ground=TERRAINS[terrain]))
         self.restart()
 
     def restart(self) -> None:
-        """The default pose at rest at the start; the goal stays."""
+        """Reset to the default pose at rest at the start; the commanded goal is kept."""
         one = self.one
         self._plant.reset()
         self._controller = one.controller()
         self._controller.reset()
         self._motors: PdControl = one.motors()
         self.command = np.zeros(3)
-        """The command that the policy gets: the goal, reached at a limited rate."""
+        """Rate-limited command of the policy, which approaches the goal."""
         self.time_s = 0.0
         self.fallen = False
         self._force_w, self._push_left_s = np.zeros(3), 0.0
@@ -78,15 +78,15 @@ class LiveWalk:
         """Push the trunk for `PUSH_S`.
 
         Args:
-            impulse: [N s]
-            direction: where to, about the vertical from the robot's heading on [rad]: 0 forward, pi / 2 to the left
+            impulse: impulse of the push [N s]
+            direction: direction relative to the robot's heading, about the vertical [rad]: 0 forward, pi / 2 left
         """
         angle = float(rotation.yaw_of(self.state.root_quat_w[None])[0]) + direction
         self._force_w = impulse / PUSH_S * np.array([np.cos(angle), np.sin(angle), 0.0])
         self._push_left_s = PUSH_S
 
     def step(self) -> None:
-        """One control step: 0.02 s for the shipped policies."""
+        """Simulate one control step (0.02 s for the shipped policies)."""
         one, plant = self.one, self._plant
         most = SLEW * self.control_s
         self.command = self.command + np.clip(self.goal - self.command, -most, most)
@@ -106,7 +106,7 @@ class LiveWalk:
         self._rows.append((state.root_pos_w, state.root_quat_w, state.joint_pos))
 
     def record(self) -> RobotClip:
-        """All control steps since the last start."""
+        """The motion since the last start, one frame per control step."""
         poses = (np.array(rows) for rows in zip(*self._rows, strict=True))
         return self.one.robot.clip("walk", self.one.task.control_hz, *poses)
 

@@ -1,6 +1,7 @@
 """A robot's log for display: its pose in space, its commands and failures, and the same command in simulation.
 
-A log has joints and the trunk's attitude; its path is from leg odometry, so it is right while a sole is on the ground.
+A log has joint positions and the trunk's attitude. The path comes from leg odometry and is only valid while a sole is
+on the ground.
 """
 
 from collections.abc import Sequence
@@ -30,18 +31,18 @@ SIMULATION = "simulation"
 
 
 def log_playlist(path: Path, project: Project) -> Playlist:
-    """The trials of a log, each with its simulation where the policy is at hand. Raises FileError for a refused log."""
+    """The trials of a log, each with its simulation if the policy is available. Raises FileError for a refused log."""
     values = project.read("hardware_logs.yaml", LogSettings)
     trials = {trial.name: trial for trial in read_log(path, robots(), values)}
     if not trials:
-        raise FileError(path, "it holds no trial: nothing was recorded with joints and attitude.")
+        raise FileError(path, "it has no trial: joints and attitude were not recorded.")
     return Playlist(names=tuple(trials), load=lambda name: shown_trial(trials[name], project))
 
 
 def shown_trial(trial: Trial, project: Project) -> Shown:
     """A trial for display. Raises FileError for another robot's trial."""
     if trial.robot not in project.robots:
-        problem = f"its robot '{trial.robot}' is none of this project's."
+        problem = f"its robot '{trial.robot}' is not in this project."
         raise FileError(trial.name, problem, "Add its folder to robots/.")
     robot = project.robot(trial.robot)
     actuators = _actuators(project, robot)
@@ -68,7 +69,7 @@ def shown_trial(trial: Trial, project: Project) -> Shown:
 
 
 def pose_clip(trial: Trial, robot: Robot) -> RobotClip:
-    """The robot's pose at about `RATE_HZ`; frames that were not recorded are NaN and not drawn."""
+    """The robot's pose at about `RATE_HZ`; missing frames are NaN and not drawn."""
     step = max(round(trial.rate_hz / RATE_HZ), 1)
     joint_pos = np.asarray(trial.joint_pos[::step], dtype=float)
     rpy = np.asarray(trial.rpy[::step], dtype=float)
@@ -83,7 +84,7 @@ def pose_clip(trial: Trial, robot: Robot) -> RobotClip:
 
 
 def _actuators(project: Project, robot: Robot) -> Sequence[JointActuator]:
-    """The measured motors of the adapted robot; those of its model where none were measured."""
+    """The calibrated actuators of the adapted robot, else those of the nominal robot."""
     adapted = project.adapted_robot(robot.name)
     if (adapted / TABLE).is_file():
         return read_actuators(adapted)
@@ -102,7 +103,7 @@ def _text(trial: Trial, report: TrialReport, policy: Policy | None) -> str:
     facts = {
         "robot": trial.robot,
         "length": f"{trial.seconds:.1f} s at {trial.rate_hz:g} Hz",
-        "policy": (trial.policy_digest or "not named")[:12] + ("" if policy else ", not at hand: no simulation"),
+        "policy": (trial.policy_digest or "not named")[:12] + ("" if policy else ", not available: no simulation"),
         "recorded": "in simulation" if trial.simulated else "on the robot",
     }
     failures = markdown_list((each.text() for each in report.failures), "no failure was found")

@@ -1,7 +1,7 @@
-"""A page of viser that moves, and its server, which answers no page of another origin.
+"""Animated viser pages, and a server that refuses requests from other origins.
 
-A browser lets any page open a web socket to 127.0.0.1, and viser looks at neither `Origin` nor `Host`: without this,
-a web site that is open on the machine could read what the viewer shows and move the controls of `booster-lab play`.
+Browsers let any page open a web socket to 127.0.0.1, and viser checks neither `Origin` nor `Host`. Without this check,
+a web site that is open on the machine could read the viewer's data and operate the controls of `booster-lab play`.
 """
 
 import contextlib
@@ -21,18 +21,18 @@ from websockets.http11 import Request
 from pipeline import loopback
 
 TICK_S = 1.0 / 30.0
-"""Time between two pictures [s]."""
+"""Interval between two ticks [s]."""
 _ONE_AT_A_TIME = threading.Lock()
 
 
 class TickedPage(ABC):
-    """A page whose scene moves. `step` does the work of a tick, so that a test drives it alone."""
+    """A page with an animated scene. `step` does the work of one tick, so tests can call it directly."""
 
     server: viser.ViserServer
 
     @abstractmethod
     def step(self, passed_s: float) -> None:
-        """One tick: read the controls, advance by `passed_s` [s] of real time, move what is shown."""
+        """One tick: read the controls, advance by `passed_s` of real time [s], update the scene."""
 
     def run(self) -> NoReturn:
         """Tick until interrupted."""
@@ -49,26 +49,31 @@ class TickedPage(ABC):
         return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
 
     def serve(self, what: str, *, browser: bool) -> None:
-        """Print the address, open it in the browser if wanted, run until Ctrl-C, end the server."""
+        """Print the address, optionally open it in the browser, run until Ctrl-C, then stop the server."""
         try:
             print(f"{self.url} plays {what}; stop with Ctrl-C", flush=True)
             if browser:
                 webbrowser.open(self.url)
-            with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+            with contextlib.suppress(KeyboardInterrupt):  # the normal end
                 self.run()
         finally:
             self.stop()
 
     def stop(self) -> None:
-        """End the server; its port is free again."""
+        """Stop the server and free its port."""
         self.server.stop()
 
 
 def page_server(host: str, port: int, label: str) -> viser.ViserServer:
-    """A server on the first free port from `port` on, whose page has the title `label`.
+    """Start a server on the first free port from `port` on.
 
-    On a loopback address the page is reached under names of this machine alone; on another one under whatever name that
-    has, and web sockets come from the page itself only.
+    On a loopback host, only requests with a loopback name are allowed. On another host, any host name is allowed, but
+    web sockets only from the page itself.
+
+    Args:
+        host: address to listen on
+        port: first port to try
+        label: title of the page
     """
     local = loopback.is_loopback(f"[{host}]" if ":" in host else host)
     serve, calls = websockets.asyncio.server.serve, []
@@ -77,23 +82,23 @@ def page_server(host: str, port: int, label: str) -> viser.ViserServer:
         def process(connection: ServerConnection, request: Request) -> Any:
             if is_allowed(request, local):
                 return process_request(connection, request)
-            return connection.respond(http.HTTPStatus.FORBIDDEN, "a page of another origin is not answered\n")
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "requests from pages of another origin are refused\n")
 
         calls.append(arguments)
         return serve(*arguments, process_request=process, **options)
 
-    # viser hands no option on to `websockets`, which it asks for a server in a thread of its own while it is made
+    # viser passes no options to `websockets`, which starts the server in a thread during the construction
     with _ONE_AT_A_TIME, mock.patch.object(websockets.asyncio.server, "serve", guarded):
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     if not calls:
         server.stop()
-        raise RuntimeError("this version of viser makes its server in another way; its requests can't be checked")
+        raise RuntimeError("this version of viser starts its server differently, so its requests can't be checked")
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     return server
 
 
 def is_allowed(request: Request, local: bool) -> bool:
-    """Whether a request is from this server's page or a program; `local`: only this machine's names are its own."""
+    """Whether a request comes from this server's page or a program; with `local`, only under a loopback name."""
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) > 1 or (local and not loopback.is_loopback(hosts[0])):
         return False

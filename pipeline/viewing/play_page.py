@@ -1,4 +1,4 @@
-"""The page of a policy that walks: sliders and keys command it, a button pushes it, terrain and friction are chosen."""
+"""Page of `booster-lab play`: sliders and keys for the command, pushes, terrain and friction of a simulated walk."""
 
 import threading
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from pipeline.viewing.robot_figure import robot_parts
 from pipeline.viewing.viewer import add_shape
 
 LIMITS = ((-0.6, 2.0), (-0.6, 0.6), (-1.5, 1.5))
-"""Ranges of the sliders: forward, lateral [m/s], yaw rate [rad/s], as the commands of training."""
+"""Ranges of the sliders: forward, lateral [m/s], yaw rate [rad/s], equal to the training ranges."""
 Key = Literal["W", "S", "A", "D", "Q", "E", "X", "P", "R"]
 KEYS: dict[Key, tuple[int, float, str]] = {
     "W": (0, 0.1, "forward faster"),
@@ -25,16 +25,16 @@ KEYS: dict[Key, tuple[int, float, str]] = {
     "Q": (2, 0.1, "turn left"),
     "E": (2, -0.1, "turn right"),
 }
-"""Key -> part of the command, step, and what it does."""
+"""Key -> index in the command, step [m/s, rad/s], and label."""
 DIRECTIONS = {"forward": 0.0, "backward": np.pi, "left": np.pi / 2.0, "right": -np.pi / 2.0}
 MOST_STEPS = 10
-"""Control steps in one tick: a slow machine falls behind real time instead of further and further."""
+"""Maximum control steps per tick: a slow machine runs slower than real time instead of accumulating a delay."""
 GROUND_M = ((-2.0, 12.0), (-3.0, 3.0))
 GROUND_STEP_M = 0.1
 
 
 class PlayPage(TickedPage):
-    """A server with the scene and its controls. `step` does the work of a tick, so that a test drives it alone."""
+    """A server with the scene and its controls."""
 
     def __init__(self, one: Deployed, name: str, port: int) -> None:
         self.walk = LiveWalk(one)
@@ -65,13 +65,13 @@ class PlayPage(TickedPage):
         self._show()
 
     def press(self, key: Key) -> None:
-        """What a key of `KEYS` does."""
+        """Change the command by a key of `KEYS`."""
         part, step, _ = KEYS[key]
         low, high = LIMITS[part]
         self.sliders[part].value = round(float(np.clip(self.sliders[part].value + step, low, high)), 2)
 
     def halt(self) -> None:
-        """Command to stand."""
+        """Command zero velocity."""
         for slider in self.sliders:
             slider.value = 0.0
 
@@ -81,7 +81,7 @@ class PlayPage(TickedPage):
             self.walk.push(float(self.impulse.value), DIRECTIONS[self.direction.value])
 
     def restart(self) -> None:
-        """Put the robot back at the start."""
+        """Restart the walk."""
         with self._lock:
             self.walk.restart()
 
@@ -113,7 +113,7 @@ class PlayPage(TickedPage):
             self.terrain = gui.add_dropdown("terrain", options=tuple(TERRAINS), initial_value="flat")
             self.friction = gui.add_slider("friction", min=0.1, max=1.5, step=0.05, initial_value=1.0)
         self.paused = gui.add_checkbox("pause", initial_value=False)
-        self.follow = gui.add_checkbox("stay in place", initial_value=True)
+        self.follow = gui.add_checkbox("follow the robot", initial_value=True)
         self.stand_up = gui.add_checkbox("restart after a fall", initial_value=True)
         restart = gui.add_button("restart (R)")
         self._placed = (self.terrain.value, round(float(self.friction.value), 2))

@@ -1,6 +1,6 @@
-"""Displayable clips: the human and robot motion of a clip, a list of them, and where a stored clip's motions are.
+"""Clips for display: their human and robot motions, lists of clips, and the stored motions of a clip.
 
-A `MotionSource` is plain data: worker processes load it, and its digest identifies what is drawn from it.
+A `MotionSource` is plain data that worker processes can load; its digest identifies the drawn content.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ class Shown:
     name: str
     human: HumanClip | None = None
     reference: RobotClip | None = None
-    """What a rollout tracked, frame for frame; of a log, its simulation."""
+    """Reference of a rollout, frame by frame; for a log, its simulation."""
     reference_name: str = "reference"
     robot_clip: RobotClip | None = None
     robot: Robot | None = None
@@ -31,11 +31,11 @@ class Shown:
     text: str = ""
     """Its facts, in Markdown."""
     note: str = ""
-    """Why it is on a sheet of clips, cut after two lines there."""
+    """Why it is on a contact sheet, which shows at most two lines of it."""
     marks: Mapping[str, float] = field(default_factory=dict)
     """Failures of a log in order, and their times [s]."""
     line_at: Callable[[float], str] | None = None
-    """What is shown at a time [s], such as the command of a log."""
+    """Text to show at a time [s], for example the command of a log."""
 
     def figures(self) -> list[Figure]:
         """Figures from left to right: human, reference, robot."""
@@ -50,7 +50,7 @@ class Shown:
 
 @dataclass(frozen=True, kw_only=True)
 class Playlist:
-    """Clips to choose from. The first is shown first; each is loaded when it is chosen."""
+    """Clips to choose from. The first one is shown first; a clip is loaded when it is chosen."""
 
     names: tuple[str, ...]
     """Requested names; not empty."""
@@ -62,21 +62,21 @@ class Playlist:
 
 @dataclass(frozen=True, kw_only=True)
 class HumanSource:
-    """A stretch of a person's motion."""
+    """A part of a stored human motion."""
 
     blob: str
     window: tuple[int, int] | None
     """First and last frame (exclusive) of the blob that belong to the clip; None: all."""
     mirrored: bool
     speed: float
-    """Playing speed of the variant."""
+    """Time scale of the variant."""
     start_s: float
-    """Where the robot's clip starts in it, at that speed [s]."""
+    """Start of the robot's clip in the time-scaled motion [s]."""
     seconds: float | None
-    """Length from there on [s]; None: to the end."""
+    """Duration from the start [s]; None: to the end."""
 
     def load(self, store: Store, name: str) -> HumanClip | None:
-        """The motion. Raises FileError when the blob is gone or damaged."""
+        """Load the motion. Raises FileError if the blob is missing or damaged."""
         clip = store.get_clip(self.blob, name)
         if not isinstance(clip, HumanClip):
             return None
@@ -94,17 +94,17 @@ class HumanSource:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionSource:
-    """The motions that are shown of one clip; any of them may be missing."""
+    """Stored motions of one clip; any of them may be missing."""
 
     clip: str
     human: HumanSource | None = None
     reference: tuple[str, int] | None = None
-    """Blob of what a rollout tracked, and the frame that it starts at."""
+    """Blob of the reference of a rollout, and its first frame."""
     robot: str | None = None
     """Blob of the robot's motion."""
 
     def load(self, store: Store, robot: Robot) -> Shown:
-        """The motions. Raises FileError when a blob is gone or damaged."""
+        """Load the motions. Raises FileError if a blob is missing or damaged."""
         found = store.get_clip(self.robot, self.clip) if self.robot else None
         robot_clip = found if isinstance(found, RobotClip) else None
         human = self.human.load(store, self.clip) if self.human else None
@@ -114,7 +114,7 @@ class MotionSource:
         return Shown(name=self.clip, human=human, reference=reference, robot_clip=robot_clip, robot=robot)
 
     def load_reference(self, store: Store, rollout: RobotClip | None) -> RobotClip | None:
-        """The frames that a rollout tracked; None for another clip, or where the reference is shorter now."""
+        """The reference frames of a rollout; None for other clips, or if the reference is now shorter."""
         if self.reference is None or rollout is None:
             return None
         blob, start = self.reference

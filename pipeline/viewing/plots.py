@@ -73,16 +73,16 @@ def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
     return png(figure)
 
 
-def command_seconds(spent: pd.DataFrame, title: str) -> bytes:
+def command_seconds(boxes: pd.DataFrame, title: str) -> bytes:
     """Boxes of the command space (`forward_m_s, lateral_m_s, yaw_rate_rad_s`) by their `seconds`, as heat maps."""
     figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
-    weights = spent["seconds"].to_numpy(dtype=float)
+    weights = boxes["seconds"].to_numpy(dtype=float)
     total = float(np.sum(weights))
     for axes, names in zip(figure.subplots(1, 2), PLANES, strict=True):
         edges = [
-            _box_edges(spent[name].to_numpy(dtype=float), COMMAND_RANGES[name], BOX_WIDTHS[name]) for name in names
+            _box_edges(boxes[name].to_numpy(dtype=float), COMMAND_RANGES[name], BOX_WIDTHS[name]) for name in names
         ]
-        seconds = np.histogram2d(spent[names[0]], spent[names[1]], bins=edges, weights=weights)[0]
+        seconds = np.histogram2d(boxes[names[0]], boxes[names[1]], bins=edges, weights=weights)[0]
         shown = np.ma.masked_less_equal(seconds.T, 0.0)
         image = axes.pcolormesh(*edges, shown, norm=LogNorm(0.02, max(total, 1.0)), cmap="viridis", rasterized=True)
         (x0, x1), (y0, y1) = (COMMAND_RANGES[name] for name in names)
@@ -94,20 +94,20 @@ def command_seconds(spent: pd.DataFrame, title: str) -> bytes:
 
 
 def _box_edges(middles: np.ndarray, shown: tuple[float, float], width: float) -> np.ndarray:
-    """Bin edges at multiples of their width, covering the default range and the data."""
+    """Bin edges at multiples of the bin width that cover the default range and the data."""
     low = min(float(middles.min()) if len(middles) else shown[0], shown[0])
     high = max(float(middles.max()) if len(middles) else shown[1], shown[1])
     return width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
 
 
 def lost_seconds(judged: pd.DataFrame, title: str) -> bytes:
-    """The 20 clips (`clip, seconds_in, seconds_out`) that lost the most seconds in a stage, and how much was kept."""
+    """PNG of the 20 clips (`clip, seconds_in, seconds_out`) that lost the most seconds in a stage."""
     table = judged.assign(lost=judged["seconds_in"].fillna(0.0) - judged["seconds_out"].fillna(0.0))
     worst = table.query("lost > 0.0").sort_values(["lost", "clip"], ascending=[False, True]).head(20)[::-1]
     figure = Figure(figsize=(8.0, 0.6 + 0.22 * max(len(worst), 3)), dpi=80, layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(worst))
-    axes.barh(rows, worst["seconds_out"], color="#2ca02c", label="went on")
+    axes.barh(rows, worst["seconds_out"], color="#2ca02c", label="kept")
     axes.barh(rows, worst["lost"], left=worst["seconds_out"], color="#d62728", label="lost")
     axes.set_yticks(rows, list(worst["clip"]), fontsize=7, parse_math=False)  # a name may hold a $
     axes.set(xlabel="seconds", title=title if len(worst) else f"{title}: nothing was lost")
@@ -144,7 +144,7 @@ def _grid(count: int) -> tuple[Figure, list[Any]]:
     rows = max(-(-count // COLUMNS), 1)
     width, height = 10.0, 1.9 * rows + 0.3
     figure = Figure(figsize=(width, height), dpi=80)
-    # Margins are given [inch]; a layout that looks for them measures every label of every plot.
+    # Fixed margins [inch]: an automatic layout would measure every label of every plot.
     left, right, bottom, top = 0.51 / width, 1.0 - 0.04 / width, 0.44 / height, 1.0 - 0.23 / height
     figure.subplots_adjust(left=left, right=right, bottom=bottom, top=top, wspace=0.15, hspace=0.3)
     axes = list(np.ravel(figure.subplots(rows, COLUMNS, squeeze=False)))

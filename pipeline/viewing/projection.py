@@ -1,4 +1,4 @@
-"""Figures as flat shaded triangles: parallel projection, farther ones first (painter's algorithm)."""
+"""Figures as flat-shaded triangles in parallel projection, drawn from far to near (painter's algorithm)."""
 
 import io
 from collections.abc import Iterable, Sequence
@@ -37,7 +37,7 @@ TO_VIEWER = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * n
 ACROSS = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
 UP = np.cross(TO_VIEWER, ACROSS)
 LIGHT = rotation.normalize(np.array([0.35, -0.55, 0.76]))
-"""Toward the light, in the figure's frame."""
+"""Direction towards the light, in the figure's frame."""
 
 
 @dataclass(kw_only=True)
@@ -139,20 +139,20 @@ def picture(
 
 
 def with_palette(pixels: np.ndarray, colours: int) -> Image.Image:
-    """An RGB picture with a palette of its own: a third of the size of full colour. Same picture, same bytes."""
+    """Reduce an RGB picture to its own palette, a third of the file size. Deterministic."""
     return Image.fromarray(pixels).quantize(colours, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
 
 def save_gif(target: Path | io.BytesIO, pictures: Iterable[np.ndarray], fps: float, colours: int) -> None:
-    """Write RGB pictures as a GIF that repeats for ever."""
+    """Write RGB pictures as a GIF that repeats endlessly."""
     first, *others = [with_palette(each, colours) for each in pictures]
     first.save(target, "gif", save_all=True, append_images=others, duration=round(1000 / fps), loop=0, optimize=False)
 
 
 class TriangleArtist(Artist):
-    """Triangles of one colour each, those further on in the list on top.
+    """Draws triangles of one colour each in list order, later ones on top.
 
-    Agg widens each by half a dot, so that none of the ground shows between two that meet.
+    Agg widens each triangle by half a dot, so that there are no gaps between adjacent triangles.
     """
 
     def __init__(self, triangles: Triangles) -> None:

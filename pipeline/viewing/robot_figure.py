@@ -25,7 +25,7 @@ def shape_mesh(kind: str, size: tuple[float, ...], segments: int) -> Mesh:
     """
     if kind not in KINDS:
         raise UnknownNameError("primitive", kind, KINDS)
-    from trimesh import creation  # half a second that those who draw nothing do without
+    from trimesh import creation  # slow import (0.5 s), only needed for drawing
 
     if kind == "box":
         mesh = creation.box(extents=2.0 * np.array(size))
@@ -36,10 +36,10 @@ def shape_mesh(kind: str, size: tuple[float, ...], segments: int) -> Mesh:
 
 
 def _profile(kind: str, size: tuple[float, ...], segments: int) -> list[tuple[float, float]]:
-    """Half the outline of a primitive that turns about z as (distance from the axis, height), from below; of an
-    ellipsoid that of the unit sphere.
+    """Profile of a body of revolution about z, as (distance from the axis, height) from bottom to top [m].
 
-    The side of a cylinder is in bands about as high as its radius, so that triangles stay small and can be sorted.
+    An ellipsoid has the profile of the unit sphere. The side of a cylinder is divided into bands about as high as its
+    radius, so that the triangles are small enough for sorting by depth.
     """
     radius, half = (1.0, 0.0) if kind == "ellipsoid" else (*size, 0.0)[:2]
     quarter = np.linspace(0.0, np.pi / 2, max(segments // 4, 1) + 1)[1:-1]
@@ -64,7 +64,7 @@ _KIND = {
 
 
 def robot_figure(clip: RobotClip, robot: Robot, name: str = "") -> Figure:
-    """The figure of a robot clip by the robot's kinematics. Raises ClipError where the joints are not the robot's."""
+    """The figure of a robot clip by the robot's kinematics. Raises ClipError if the joints are not the robot's."""
     if clip.joint_names != robot.joint_names:
         do = "" if clip.robot == robot.name else f" It is for the robot '{clip.robot}': add --robot {clip.robot}."
         raise ClipError(clip.name, "joints", f"its joints are not those of the robot '{robot.name}', in its order.{do}")

@@ -15,7 +15,7 @@ from pipeline.viewing.playlist import Shown
 from pipeline.viewing.plots import labelled, png
 
 SHOWN_S = 1.0
-"""A rollout is shown from this long before its failure, or its largest error, to at most this long after [s]."""
+"""Time shown before, and at most after, the failure or the largest error of a rollout [s]."""
 
 PAIRS = (
     ("slip_before_m_s", "slip_after_m_s", 100.0, "foot slip, 95th percentile [cm/s]"),
@@ -43,7 +43,7 @@ def tracking_errors(rollouts: pd.DataFrame) -> bytes:
 
 
 def before_and_after(references: pd.DataFrame) -> bytes:
-    """PNG: figures of `pipeline.tracking.before_after` for each reference against those of its nominal rollout."""
+    """PNG of figures of `pipeline.tracking.before_after`: each reference compared with its undisturbed rollout."""
     columns = [name for before, after, _, _ in PAIRS for name in (before, after)]
     figures = references[[*columns, "saturated_after", "touchdown_shift_s"]].astype(float)
     figure = Figure(figsize=(15.0, 3.2), dpi=80, layout="constrained")
@@ -57,7 +57,7 @@ def before_and_after(references: pd.DataFrame) -> bytes:
     saturation.hist(100.0 * figures["saturated_after"].dropna().to_numpy(), bins=20)
     saturation.set(xlabel="rollout: saturation, worst joint [% of frames]", ylabel="references")
     timing.hist(1000.0 * figures["touchdown_shift_s"].dropna().to_numpy(), bins=20)
-    timing.set(xlabel="touchdown later than the reference's [ms]", ylabel="references")
+    timing.set(xlabel="delay of touchdown relative to the reference [ms]", ylabel="references")
     return png(figure)
 
 
@@ -69,7 +69,7 @@ def worst_tracked(
     robot: Robot,
     most: int = 5,
 ) -> bytes:
-    """PNG of the worst-tracked references: what the robot does up to the moment it fails, below its reference.
+    """PNG of the worst-tracked references, each above its rollout up to the failure.
 
     References that fail come first; the last pose of each is that of the failure. Then come those with the largest
     tracking error, around the moment of that error. One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is
@@ -82,7 +82,7 @@ def worst_tracked(
             under the references' names (`pipeline.tracking.process.motion_to_failure`)
         store: the store with all motions
         robot: the robot of the motions
-        most: most references in the picture
+        most: maximum number of references
     """
     entries = {entry.clip: entry for entry in references.entries}
     families: dict[str, Judged] = {}
@@ -112,7 +112,7 @@ def _strip(row: Judged, reference: RobotClip, rollout: RobotClip) -> Shown:
     start_s, stop_s = start / rollout.fps, (stop - 1) / rollout.fps
     return Shown(
         name=f"{row.clip} from {start_s:.2f} to {stop_s:.2f} s",
-        note=failing or f"furthest off at {at_s:.2f} s: {_cm(row):.1f} cm, followed to its end",
+        note=failing or f"largest error at {at_s:.2f} s: {_cm(row):.1f} cm, tracked to its end",
         reference=reference.cut(start, stop, reference.name),
         robot_clip=rollout.cut(start, stop, rollout.name),
     )
@@ -130,7 +130,7 @@ def _cm(row: Judged) -> float:
 
 COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
 PANELS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("reward a step", ("task_reward", "style_reward")),
+    ("reward per step", ("task_reward", "style_reward")),
     ("discriminator", ("d_expert", "d_policy", "d_rollout")),
     ("episode [s]", ("episode_s",)),
 )
@@ -141,7 +141,7 @@ STYLES = ("-", "--", ":")
 
 
 def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
-    """PNG of the `curves.csv` of runs by name over training time [s]; a colour a run, or a curve of a single run."""
+    """PNG of the `curves.csv` of runs by name over training time [s]; one colour per run or, for one run, per curve."""
     figure = Figure(figsize=(11.0, 5.6), dpi=80, layout="constrained")
     places = figure.subplots(2, 2).ravel()
     for place, (title, columns) in zip(places, PANELS, strict=False):

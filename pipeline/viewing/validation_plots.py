@@ -19,9 +19,9 @@ from pipeline.viewing.plots import labelled, png
 AXES = (("forward", "forward [m/s]"), ("lateral", "to the left [m/s]"), ("yaw_rate", "yaw rate [rad/s]"))
 COLOURS = {"passed": "#1f77b4", "failed": "#d62728", "not required": "#7f7f7f"}
 SHOWN_S = 3.0
-"""Of the foot contacts."""
+"""Duration shown in the plot of foot contacts [s]."""
 POINTS = 1500
-"""Of a joint in the scatter."""
+"""Maximum number of points per joint in the torque-speed plot."""
 
 
 def command_tracking(verdict: Verdict) -> bytes:
@@ -32,18 +32,20 @@ def command_tracking(verdict: Verdict) -> bytes:
         shown = [
             cell
             for cell in cells
-            if _wanted(cell, name) != 0.0 or not any(cell.measured.cell.trials[0].command.last.goal)
+            if _commanded(cell, name) != 0.0 or not any(cell.measured.cell.trials[0].command.last.goal)
         ]
         for cell in shown:
-            spread, wanted = cell.measured.spread(name), _wanted(cell, name)
+            spread, commanded = cell.measured.spread(name), _commanded(cell, name)
             if spread:
                 low, high = spread["mean"] - spread["min"], spread["max"] - spread["mean"]
-                place.errorbar(wanted, spread["mean"], [[low], [high]], fmt="o", color=COLOURS[cell.word], markersize=4)
+                place.errorbar(
+                    commanded, spread["mean"], [[low], [high]], fmt="o", color=COLOURS[cell.word], markersize=4
+                )
             else:
-                place.plot(wanted, 0.0, "x", color=COLOURS["failed"])
-        ends = [_wanted(cell, name) for cell in shown] or [0.0]
+                place.plot(commanded, 0.0, "x", color=COLOURS["failed"])
+        ends = [_commanded(cell, name) for cell in shown] or [0.0]
         place.plot([min(ends), max(ends)], [min(ends), max(ends)], color="#bbbbbb", linewidth=0.8, zorder=0)
-        labelled(place, f"wanted {label}", "achieved")
+        labelled(place, f"commanded {label}", "achieved")
     figure.suptitle("blue passed, red failed, grey not required, x: every trial fell", fontsize=8)
     return png(figure)
 
@@ -68,7 +70,7 @@ def survival_heatmap(verdict: Verdict) -> bytes:
     place.set_xlim(-2.2, max((len(cells) for cells in rows.values()), default=1) - 0.5)
     place.set_ylim(len(rows) - 0.5, -0.5)
     place.set_axis_off()
-    figure.suptitle("survival of pushes by model; bold: below its bar", fontsize=8)
+    figure.suptitle("survival of pushes by model; bold: below its threshold", fontsize=8)
     return png(figure)
 
 
@@ -113,7 +115,7 @@ def foot_contacts(walks: Mapping[str, Rollout]) -> bytes:
     return png(figure)
 
 
-def _wanted(cell: CellVerdict, name: str) -> float:
+def _commanded(cell: CellVerdict, name: str) -> float:
     return float(getattr(cell.measured.cell.trials[0].command.last, name))
 
 
@@ -126,8 +128,8 @@ FIGURES = (
 )
 PLANE_AXES = (
     ("hip pitch [rad]", "knee [rad]"),
-    ("hip pitch [rad]", "its speed · T/2π [rad]"),
-    ("knee [rad]", "its speed · T/2π [rad]"),
+    ("hip pitch [rad]", "its velocity · T/2π [rad]"),
+    ("knee [rad]", "its velocity · T/2π [rad]"),
 )
 CYCLE_COLOURS = {"MuJoCo": "#1f77b4", "DART": "#ff7f0e"}
 LOG_COLOURS = ("#2ca02c", "#d62728", "#9467bd", "#8c564b")

@@ -22,14 +22,14 @@ TILE = 0.25
 """Side of a square of the floor [m]."""
 
 FLOOR_LENGTH, FLOOR_WIDTH = 4.0, 1.0
-"""Size of a figure's own floor along x and y [m]; adjacent floors don't touch."""
+"""Size of the floor of a figure along x and y [m]; adjacent floors do not touch."""
 
 PATH_CUTOFF_HZ = 0.4
 """Cutoff of the low-pass filter on the followed path [Hz], below any stride rate."""
 
 
 class SceneFigure:
-    """One figure in a scene, on a floor of its own, at its place beside the others."""
+    """A figure in a scene, with its own floor, beside the others."""
 
     def __init__(self, scene: viser.SceneApi, figure: Figure, place: Float[np.ndarray, " 3"]):
         self.figure = figure
@@ -55,7 +55,7 @@ class SceneFigure:
             self.meshes.append([add_shape(scene, name, index, shape) for index, shape in enumerate(part.shapes)])
 
     def show(self, time_s: float, follow: bool) -> None:
-        """Move everything to the frame at a time. With `follow` the figure stays in its place and the floor moves."""
+        """Show the frame at a time. With `follow`, the figure stays in place and the floor moves."""
         frame = self.figure.frame_at(time_s)
         path = self._path[frame] if follow else np.zeros(3)
         self._root.position = self._place - path
@@ -69,7 +69,7 @@ class SceneFigure:
         self._show_contacts(frame)
 
     def remove(self) -> None:
-        """Take the figure out of the scene, with all that is below it."""
+        """Remove the figure and its children from the scene."""
         self._root.remove()
 
     def _show_contacts(self, frame: int) -> None:
@@ -84,7 +84,7 @@ class SceneFigure:
 
 
 def add_shape(scene: viser.SceneApi, name: str, index: int, shape: Shape) -> viser.MeshHandle:
-    """Add a primitive below a part's node; its mesh."""
+    """Add a primitive as a child of a part's node and return its mesh."""
     vertices, faces = shape_mesh(shape.kind, shape.size, SEGMENTS)
     return scene.add_mesh_simple(
         f"{name}/{index}",
@@ -113,7 +113,7 @@ def _path(figure: Figure) -> Float[np.ndarray, "t 3"]:
 
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0)
-"""Playing speeds / real time."""
+"""Playing speeds relative to real time."""
 
 
 @dataclass
@@ -137,7 +137,7 @@ class Playback:
 
 
 NO_MARK = "–"
-"""Entry of the list of marks that leaves the time as it is."""
+"""Entry of the list of marks that does not change the time."""
 
 APART = 1.3
 """Distance of the two figures [m]."""
@@ -146,8 +146,8 @@ APART = 1.3
 class Viewer(TickedPage):
     """A server with one scene that plays a list of clips.
 
-    The server is reached from this machine alone unless `host` says otherwise; when `port` is taken, the next free
-    one is used (`url`).
+    The server only answers this machine unless `host` is another address. If `port` is in use, the next free one is
+    taken (`url`).
     """
 
     def __init__(self, playlist: Playlist, port: int, host: str = "127.0.0.1"):
@@ -161,7 +161,7 @@ class Viewer(TickedPage):
         self.play = gui.add_button("pause")
         self.slider = gui.add_slider("time [s]", min=0.0, max=1.0, step=0.01, initial_value=0.0)
         self.speed = gui.add_dropdown("speed", options=tuple(f"{speed:g}" for speed in SPEEDS), initial_value="1")
-        self.follow = gui.add_checkbox("stay in place", initial_value=True)
+        self.follow = gui.add_checkbox("follow the figures", initial_value=True)
         self.marks = gui.add_dropdown("go to", options=(NO_MARK,), initial_value=NO_MARK, visible=False)
         self.line = gui.add_markdown("", visible=False)
         self.text = gui.add_markdown("")

@@ -28,7 +28,7 @@ class Deviations:
     root_mass_factor: float = 1.0
     """Factor on the trunk's mass."""
     hot: Mapping[str, float] = field(default_factory=dict)
-    """Joint -> factor on its motor's heating."""
+    """Joint -> factor on the heating of its motor."""
     message_loss: float | None = None
     """Share of lost messages."""
     motor_loss_hz: float | None = None
@@ -63,12 +63,12 @@ def envelope_of(robot: Robot, deviations: Deviations, nominal: TorqueEnvelope) -
     return replace(nominal, limit=nominal.limit * by_joint(robot, deviations.torque_scale, 1.0))
 
 
-def by_joint(robot: Robot, values: Mapping[str, float], otherwise: float) -> Float[np.ndarray, " j"]:
+def by_joint(robot: Robot, values: Mapping[str, float], default: float) -> Float[np.ndarray, " j"]:
     """Values by joint as an array in the robot's order. Raises UnknownNameError."""
     for name in values:
         if name not in robot.joint_names:
             raise UnknownNameError("joint", name, robot.joint_names)
-    return np.array([values.get(name, otherwise) for name in robot.joint_names])
+    return np.array([values.get(name, default) for name in robot.joint_names])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,17 +89,17 @@ class Outage:
 
 @dataclass(frozen=True, kw_only=True)
 class FailingMotors(PdControl):
-    """PD control of motors that are off or damped at times. `torque` is called once a timestep, from time 0 on."""
+    """PD control with motors that are temporarily off or only damped. Call `torque` once per timestep, from 0 s on."""
 
     timestep_s: float
     stop_s: float = np.inf
-    """When the operator stops the robot [s]: from then on the joints are only damped."""
+    """Time of the operator's stop [s], after which the joints are only damped."""
     outages: tuple[tuple[Outage, Bool[np.ndarray, " j"]], ...] = ()
-    """Each outage, and the joints that it is of."""
+    """Each outage, with a mask of its joints."""
     clock: list[float] = field(default_factory=lambda: [0.0])
 
     def torque(self, target: np.ndarray, joint_pos: np.ndarray, joint_vel: np.ndarray) -> Float[np.ndarray, " j"]:
-        """Torque [N m] (j,) of this timestep."""
+        """Torque of this timestep [N m]. Shape (j,)."""
         now = self.clock[0]
         self.clock[0] = now + self.timestep_s
         if now < self.stop_s:
@@ -113,7 +113,7 @@ class FailingMotors(PdControl):
 
 
 def joints_of(robot: Robot, outage: Outage) -> Bool[np.ndarray, " j"]:
-    """Which joints an outage is of. Raises UnknownNameError."""
+    """Mask of the joints of an outage. Raises UnknownNameError."""
     if not outage.joints:
         return np.ones(len(robot.joint_names), dtype=bool)
     return by_joint(robot, dict.fromkeys(outage.joints, 1.0), 0.0) > 0.0

@@ -15,7 +15,7 @@ from pipeline.simulation.record import Rollout
 
 @dataclass(frozen=True, kw_only=True)
 class LogQuality:
-    """Standard deviations of normal noise (in m, rad, s and N m), and losses. Judgement: no T1 log is published."""
+    """Standard deviations of normal noise (in m, rad, s and N m), and losses. Estimates: no T1 log is published."""
 
     attitude: float = 0.003
     gyro: float = 0.01
@@ -47,7 +47,7 @@ class HeatModel:
     ambient_c: float = 25.0
     start_c: float = 38.0
     rise_k: float = 150.0
-    """Steady-state rise above ambient at the torque limit [K]; a third of the torque ends at 42 degC."""
+    """Steady-state rise above ambient at the torque limit [K]; at a third of the torque, the motor reaches 42 degC."""
     time_constant_s: float = 180.0
     heating: float = 1.0
     """Factor on the heating, for a faulty motor."""
@@ -60,7 +60,7 @@ FALL_HZ, ODOMETER_HZ = 10.0, 50.0
 FALLING_DEG, FALLEN_DEG = 45.0, 60.0
 """Tilts at which the robot reports falling and fallen."""
 FALLEN_S = 0.6
-"""Least time from reported falling to reported fallen [s]."""
+"""Minimum time from reported falling to reported fallen [s]."""
 
 
 def record(
@@ -74,7 +74,7 @@ def record(
     heat: Mapping[str, HeatModel] | None = None,
     every: int = 1,
 ) -> RobotLog:
-    """The log of a rollout.
+    """Make the log of a rollout.
 
     Args:
         rollout: simulated walk
@@ -84,7 +84,7 @@ def record(
         rng: draws noise and losses
         quality: imperfections of sensors and network
         heat: motors with other heating, by joint
-        every: log one state in so many timesteps
+        every: log every n-th timestep
     """
     schedule = _schedule(rollout)
     facts = dataclasses.replace(facts, simulated=True, command=schedule, command_source="schedule")

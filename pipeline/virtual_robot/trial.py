@@ -97,7 +97,7 @@ def simulate(
         trial: command, deviations and events
         rng: draws sensor noise and losses
         facts: facts of the log
-        every: log one state in so many timesteps
+        every: log every n-th timestep
     """
     deviations, gains = trial.deviations, trial.deviations.gain_scale
     task, command = controller.task, command_of(trial.command)
@@ -120,7 +120,7 @@ def simulate(
     quality = dataclasses.replace(SOUND, **{name: value for name, value in losses.items() if value is not None})
     heating = by_joint(robot, deviations.hot, 1.0)
     heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
-    # deliberate events only: pushes have to be detected by the reader of the log
+    # only intended events: the log's reader has to detect pushes
     stops = [] if trial.stop_s is None else [OperatorEvent(time_s=trial.stop_s, kind="stop")]
     notes = {**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(trial.words()) or "no"}
     facts = dataclasses.replace(facts, events=(*facts.events, *stops), notes=notes)
@@ -129,7 +129,7 @@ def simulate(
 
 
 def _failing(motors: PdControl, robot: Robot, trial: VirtualTrial) -> PdControl:
-    """The motors with what fails of them; as they are where nothing does."""
+    """Add the trial's outages and stop to the motors; unchanged without any."""
     if trial.stop_s is None and not trial.outages:
         return motors
     return FailingMotors(

@@ -44,7 +44,7 @@ class Devices:
         return np.array([sensor.getValue() for sensor in self.sensors])
 
     def reading(self, joint_pos: np.ndarray, joint_vel: np.ndarray) -> Reading:
-        """What the controller is given; gravity in the trunk's frame is minus the third row of its rotation matrix."""
+        """Sensor reading for the controller. Gravity in the trunk's frame is minus the third row of the rotation."""
         x, y, z, w = self.imu.getQuaternion()
         gravity_b = -np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
         gyro_b = np.array(self.gyro.getValues())

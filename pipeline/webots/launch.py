@@ -1,7 +1,7 @@
 """Run a project in Webots or in a stand-in, within a time limit, and read its result.
 
-The program runs in its own process group, which is ended as a whole: Webots starts further processes. No behaviour of
-the program raises an error here; it becomes the outcome.
+The program runs in its own process group, which is terminated as a whole, because Webots starts further processes.
+Failures of the program are returned as outcomes, not raised.
 """
 
 import json
@@ -43,7 +43,7 @@ class Outcome:
     status: str
     """`finished`, with a result; `not run` if the program is missing; else how it failed to run."""
     reason: str = ""
-    """A sentence; empty if it finished."""
+    """Reason as a message; empty if it finished."""
     result: WalkResult | None = None
     tail: str = ""
     """The end of the program's output."""
@@ -82,7 +82,7 @@ def launch(
 
 
 def free_port() -> int:
-    """A port that is free now."""
+    """A currently free port."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         return listener.getsockname()[1]
@@ -117,7 +117,7 @@ def _try(
 
 
 def _outcome(exit_status: int | None, printed: str, project: Project, settings: WebotsSettings, run: str) -> Outcome:
-    """A valid result counts whatever happened after it; without one, the first failure is reported."""
+    """The outcome: a valid result counts even if the program failed afterwards; else the first failure."""
     tail = printed[-TAIL_CHARACTERS:]
     text = _result_text(project, printed)
     status, reason = NO_RESULT, "it ended without a result"
@@ -128,9 +128,9 @@ def _outcome(exit_status: int | None, printed: str, project: Project, settings: 
         except ResultError as error:
             status, reason = STALE if error.stale else GARBAGE, str(error)
     if exit_status is None:
-        status, reason = TIMED_OUT, f"it was ended after {settings.limit_s:g} s"
+        status, reason = TIMED_OUT, f"it was terminated after {settings.limit_s:g} s"
     elif exit_status < 0 and text is None:
-        status, reason = CRASHED, f"it died of {_signal_name(-exit_status)}"
+        status, reason = CRASHED, f"it was killed by {_signal_name(-exit_status)}"
     elif exit_status > 0 and text is None:
         last = tail.strip().splitlines()[-1:] or ["nothing printed"]
         status, reason = CRASHED, f"it ended with status {exit_status}: {last[0]}"

@@ -36,7 +36,7 @@ def robot_world(robot: Robot, timestep_ms: float, friction: float) -> Scene:
     """The world file beside `protos/`; bodies at rest stay simulated. Raises PipelineError for another timestep."""
     if timestep_ms not in TIMESTEPS_MS:
         allowed = " or ".join(f"{each:g}" for each in TIMESTEPS_MS)
-        raise PipelineError(f"a basicTimeStep of {timestep_ms:g} ms is not offered; choose {allowed} ms.")
+        raise PipelineError(f"a basicTimeStep of {timestep_ms:g} ms is not supported; choose {allowed} ms.")
     soft = {"bounce": (0.0,), "bounceVelocity": (0.0,), "softERP": (SOFT_ERP,), "softCFM": (SOFT_CFM,)}
     contacts = [
         node("ContactProperties", material1=MATERIAL, material2=other, coulombFriction=[friction], **soft)
@@ -117,13 +117,13 @@ def write_project(
         policy: the policy that walks; None: the robot holds its default pose
         settings: timestep, friction and commands
 
-    Raises FileError if a file can't be written, or if one is there that is not of an earlier project.
+    Raises FileError if a file can't be written, or if a file exists that is not of an earlier project.
     """
     robot = build_robot(source)
     project = Project(folder=folder, robot=robot.name)
     foreign = [path for path in (folder / README, project.world) if path.exists()]
     if foreign and not project.controller.is_dir():
-        problem = "it is there, and the folder has no project of Booster Lab."
+        problem = "it exists, and the folder has no project of Booster Lab."
         raise FileError(foreign[0], problem, "Name an empty folder.")
     world = robot_world(robot, settings.timestep_ms, settings.friction)
     home = project.controller
@@ -174,12 +174,13 @@ def _readme(project: Project) -> str:
     world = project.world.relative_to(project.folder).as_posix()
     return f"""# Booster Lab's {project.robot} in Webots
 
-Written by `booster-lab webots-project`; nothing here is edited by hand.
+Written by `booster-lab webots-project`; do not edit it by hand.
 
     webots {world}
 
-opens it. The controller needs a Python with numpy. It walks what `controllers/{CONTROLLER}/run.json` says and writes
-`controllers/{CONTROLLER}/{RESULT}`. Rotors' inertia is on the links that they move, as Webots has no armature.
+opens the world. The controller needs a Python with numpy. It follows the commands in
+`controllers/{CONTROLLER}/run.json` and writes `controllers/{CONTROLLER}/{RESULT}`. Webots has no armature, so rotor
+inertia is added to the driven links.
 """
 
 

@@ -17,7 +17,7 @@ from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.webots.vrml import Is, Node, Proto, Scene, node
 
 VERSION = "R2023b"
-"""The release whose node types are used; later ones read its files."""
+"""Release of the node types; later releases can read the files."""
 CONTROLLER = "booster_lab"
 IMU_SITE = "imu"
 SENSORS = {"Gyro": "imu_gyro", "InertialUnit": "imu_orientation", "Accelerometer": "imu_accelerometer"}
@@ -121,7 +121,7 @@ class _Writer:
 
 
 def _placed(shape: ShapeRow, child: Node) -> Node:
-    """A node at the place of a shape. Its angles are about the fixed x, y, z axes, as in URDF."""
+    """A node at the pose of a shape. The angles are about the fixed x, y, z axes, as in URDF."""
     angles = zip(np.eye(3), shape.numbers("roll", "pitch", "yaw"), strict=True)
     roll, pitch, yaw = (rotation.from_axis_angle(axis, angle) for axis, angle in angles)
     turn = axis_angle(rotation.multiply(yaw, rotation.multiply(pitch, roll)))

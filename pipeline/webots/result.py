@@ -51,7 +51,7 @@ class WebotsSettings:
 
 MAX_CHARACTERS = 1_000_000
 MOST = 1e9
-"""Largest magnitude that a number may have."""
+"""Maximum magnitude of a number."""
 
 
 class ResultError(PipelineError):
@@ -101,9 +101,9 @@ def parse_result(text: str, run: str, names: tuple[str, ...]) -> WalkResult:
     try:
         value = json.loads(text, parse_constant=_refused)
     except (ValueError, RecursionError) as error:
-        raise ResultError(f"the result is no JSON ({error}): {text[:60]!r}") from error
+        raise ResultError(f"the result is not JSON ({error}): {text[:60]!r}") from error
     if not isinstance(value, dict) or value.get("schema") != SCHEMA:
-        raise ResultError(f"the result is no object of schema '{SCHEMA}'")
+        raise ResultError(f"the result is not an object of schema '{SCHEMA}'")
     if value.get("run") != run:
         raise ResultError(f"the result is of another run ({value.get('run')!r}, expected {run!r})", stale=True)
     rows = value.get("segments")
@@ -132,4 +132,4 @@ def _number(row: dict[str, Any], name: str) -> float:
 
 
 def _refused(constant: str) -> None:
-    raise ValueError(f"{constant} is no number")
+    raise ValueError(f"{constant} is not a number")

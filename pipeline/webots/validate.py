@@ -42,7 +42,7 @@ class WebotsVerdict:
     engine: str
     status: str
     """`passed`, `failed`, or why there is no verdict: `not run: webots not found` if the program is missing,
-    `failed to run: timed out, it was ended after 300 s` if it gave no result."""
+    `failed to run: timed out, it was terminated after 300 s` if it gave no result."""
     reasons: tuple[str, ...] = ()
     result: WalkResult | None = None
 
@@ -96,12 +96,12 @@ def verdict(engine: str, outcome: Outcome, settings: WebotsSettings, allowed: Ma
 
 def _reasons(result: WalkResult, settings: WebotsSettings, allowed: Mapping[str, Allowed]) -> Iterator[str]:
     if not result.policy:
-        yield "no policy walked"
+        yield "no policy was active"
     if result.fell_s is not None:
         yield f"fell after {result.fell_s:.2f} s"
     required = [pair for pair in zip(settings.segments, result.segments, strict=True) if pair[0].name in allowed]
     if not required:
-        yield "no segment is required (`webots` in the robot's validation.yaml is empty): nothing was shown"
+        yield "no segment is required (`webots` in the robot's validation.yaml is empty), so that nothing was checked"
     for segment, walked in required:
         where = f"segment '{segment.name}'"
         if not walked.walked:
@@ -123,7 +123,7 @@ def _off(segment: WalkSegment, allowed: Allowed, reached: tuple[float, float, fl
 
 
 EXACT = 1e-9
-"""Largest difference of numbers that are equal; they are written in full."""
+"""Tolerance for equal numbers; files hold them with all digits."""
 
 
 def project_faults(world: Path, robot: Robot) -> tuple[str, ...]:
@@ -200,7 +200,7 @@ def _poses(scene: SceneModel, robot: Robot) -> Iterator[str]:
     turned = 1.0 - np.abs((quat * poses.quat_w[0]).sum(axis=1))
     for index, link in enumerate(robot.link_names):
         if apart[index] > EXACT or turned[index] > EXACT:
-            yield f"solid '{link}': stands {apart[index]:.2g} m from where the default pose has it, or is turned"
+            yield f"solid '{link}': its pose differs from the default pose (distance {apart[index]:.2g} m)"
 
 
 def _world(scene: SceneModel) -> Iterator[str]:

@@ -167,13 +167,13 @@ class _Reader:
         if kind == "DEF":
             name, kind = self._next(), self._next()
         if not kind[0].isupper():
-            raise VrmlError(f"'{kind}' is no node.", self._line())
+            raise VrmlError(f"'{kind}' is not a node.", self._line())
         self._expect("{")
         fields: dict[str, Any] = {}
         while self._peek() != "}":
             key = self._next()
             if not key[0].isalpha() or key in fields:
-                raise VrmlError(f"'{key}' is no field, or is there twice in a {kind}.", self._line())
+                raise VrmlError(f"'{key}' is not a field, or occurs twice in a {kind}.", self._line())
             fields[key] = self._value()
         self._expect("}")
         return Node(kind=kind, fields=fields, name=name)
@@ -221,7 +221,7 @@ class _Reader:
     def _expect(self, token: str) -> None:
         got = self._next()
         if got != token:
-            raise VrmlError(f"'{got}' stands where '{token}' should.", self._line())
+            raise VrmlError(f"expected '{token}', got '{got}'.", self._line())
 
     def _line(self) -> int:
         """Line of the last token."""

@@ -56,7 +56,7 @@ def test_the_asset_trains_and_says_that_it_is_a_trial(project, robot):
     )
     (event,) = result.asset_materializations_for_node("t1__amp_policy")
     said: dict[str, Any] = {name: value.value for name, value in event.metadata.items()}
-    assert said["what it is"].startswith("a trial")
+    assert said["type of run"].startswith("a trial")
     assert said["strictest licence"] == "public-domain"
     (facts,) = project.store.load("t1/amp_policy").settings.values()
     run = project.root / facts["folder"]

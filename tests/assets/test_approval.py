@@ -44,7 +44,7 @@ def test_another_digest_approves_nothing(project):
         approve_proposal(project.feedback, digest, " ")
     with pytest.raises(ApprovalError, match="nothing was approved"):
         approve_proposal(project.feedback, digest, "a person", policies=(OTHER,))
-    with pytest.raises(ApprovalError, match=r"there is no section 'wights'; there are: .*weights"):
+    with pytest.raises(ApprovalError, match=r"there is no section 'wights'; sections are: .*weights"):
         approve_proposal(project.feedback, digest, "a person", sections=("wights", "weights"))
     assert not project.feedback.approved.exists()
 
@@ -101,8 +101,8 @@ def test_nothing_is_written_that_could_not_be_read_again(project, monkeypatch):
     digest = propose_into(project, report(1, failure()))
     approve_proposal(project.feedback, digest, "a person")
     before = project.feedback.approved.read_text()
-    monkeypatch.setattr("pipeline.feedback.approve.added", lambda earlier, new, whole: (*earlier, *new))
-    with pytest.raises(PipelineError, match="is there twice"):
+    monkeypatch.setattr("pipeline.feedback.approve.merged", lambda earlier, new, whole: (*earlier, *new))
+    with pytest.raises(PipelineError, match="occurs twice"):
         approve_proposal(project.feedback, digest, "another")
     assert project.feedback.approved.read_text() == before
 

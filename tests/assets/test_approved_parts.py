@@ -15,12 +15,12 @@ from assets.approved import (
     approved_part,
     approved_versions,
 )
-from assets.bootstrap import made_for, upstream
+from assets.bootstrap import hard_inputs, upstream
 from assets.plan import Plan, robot_plans
 from assets.reference_motions import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import SettingsError
-from pipeline.feedback.approved import EMPTY, entries_of, noting, write_entries
+from pipeline.feedback.approved import EMPTY, entries_of, with_applied_changes, write_entries
 from pipeline.project import Project
 from tests.factories.feedback_project import feedback_project
 from tests.factories.trial_reports import failure, proposal, report, saturated
@@ -38,7 +38,7 @@ def _manifest(*variants: str, clip: str = "walk") -> Manifest:
 
 def test_without_approvals_a_manifest_is_the_same_bytes():
     manifest = _manifest("~mirror")
-    assert noting(manifest, (), "weights").to_text() == manifest.to_text()
+    assert with_applied_changes(manifest, (), "weights").to_text() == manifest.to_text()
     assert approval_metadata(()) == {}
 
 
@@ -55,7 +55,9 @@ def test_a_manifest_names_the_logs_of_what_took_effect(root, tmp_path):
     project = feedback_project(root, tmp_path)
     write_entries(project.feedback.approved, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
     part = approved_part(project, "weights", "t1")
-    (stage,) = [each for each in noting(_manifest(), part, "weights").settings.values() if "changes" in each]
+    (stage,) = [
+        each for each in with_applied_changes(_manifest(), part, "weights").settings.values() if "changes" in each
+    ]
     assert stage["stage"] == "feedback on weights"
     assert stage["changes"][0]["witnesses"][0]["sha256"] == f"{1:064d}"
     assert "log001" not in _manifest().to_text()
@@ -71,7 +73,7 @@ def test_a_section_that_cannot_be_used_has_a_version_of_its_own_and_stops_nothin
     changed = {key.to_user_string() for key in sound if sound[key][0] != broken[key][0]}
     assert changed == {"approved_weights"}
     version, facts = broken[dg.AssetKey(["approved_weights"])]
-    assert version.startswith(BROKEN) and "take it back" in facts["can't be used"]
+    assert version.startswith(BROKEN) and "revoke it" in facts["can't be used"]
     with pytest.raises(SettingsError, match=r"approved.yaml: approvals\[2\], 'weights'"):
         approved_part(project, "weights", "t1")
     assert approved_part(project, "augmentation", "t1")
@@ -89,7 +91,10 @@ def test_rules_that_cannot_be_read_fault_what_is_approved_by_their_name(root, tm
 @pytest.mark.parametrize(
     ("written", "says"),
     [
-        ({"value": 1.5, "before": 5.0}, "'Left_Knee_Pitch' is 1.5 N m; allowed is no less than 0.3 of the 60 N m"),
+        (
+            {"value": 1.5, "before": 5.0},
+            "'Left_Knee_Pitch' is 1.5 N m; the lowest allowed is 0.3 of the calibrated 60 N m",
+        ),
         ({"what": "No_Such_Joint"}, "'No_Such_Joint' is no joint of t1"),
     ],
 )
@@ -132,5 +137,5 @@ def test_what_a_database_needs_ends_at_what_comes_from_outside():
         key["proposal"]: {key["logs"]},
     }
     plans = {key[name]: Plan(name, "group", ()) for name in ("database", "stage", "proposal")}
-    found = upstream({key["database"]}, made_for(parents, plans))
+    found = upstream({key["database"]}, hard_inputs(parents, plans))
     assert key["approved"] in found and key["proposal"] not in found

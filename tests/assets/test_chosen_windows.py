@@ -15,8 +15,8 @@ from assets.database_checks import COVERED, _every_skill
 from assets.plan import Plan
 from assets.resources import ClipPoolResource
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, run_stage
-from pipeline.feedback.approved import entries_of, heard, part_version, write_entries
-from pipeline.feedback.windows import BOUNDS, chosen_windows, short_of_wanted
+from pipeline.feedback.approved import applied_versions, entries_of, part_version, write_entries
+from pipeline.feedback.windows import BOUNDS, chosen_windows, unmet_requests
 from pipeline.files import settings
 from pipeline.project import Project
 from pipeline.selection import Curation, process
@@ -90,20 +90,20 @@ def brought(manifest: Manifest) -> dict:
 def test_where_the_bound_kept_windows_out_more_are_taken_exactly_up_to_the_new_one(project, asset):
     bounded(project, 10.0)
     before, page = asset()
-    assert taken_s(before) == pytest.approx(10.0) and "what feedback brought" not in page
+    assert taken_s(before) == pytest.approx(10.0) and "effect of feedback" not in page
     approve(project)
     after, page = asset()
     assert taken_s(after) == pytest.approx(12.0)
     assert {entry.clip for entry in before.entries} < {entry.clip for entry in after.entries}
     assert after.recomputed == 0, "windows are cut as they were, one more of them is taken"
     said = (
-        "walk: wanted 12 s by feedback, 16.0 s are there: "
-        "1 more window, from 10.0 s (bound 10 s) to 12.0 s, 4.0 s left out"
+        "walk: feedback requests 12 s, 16.0 s are available: "
+        "1 more window, from 10.0 s (limit 10 s) to 12.0 s, 4.0 s not selected"
     )
-    assert html.unescape(page["what feedback brought"].value) == f"- {said}"
+    assert html.unescape(page["effect of feedback"].value) == f"- {said}"
     assert page["windows not taken"] == 2
     bound = brought(after)
-    assert bound["reached"] and bound["text"] == said and not short_of_wanted(after.settings)
+    assert bound["reached"] and bound["text"] == said and not unmet_requests(after.settings)
 
 
 def test_where_the_bound_kept_none_out_the_same_windows_are_taken_and_that_is_said(project, asset):
@@ -113,11 +113,11 @@ def test_where_the_bound_kept_none_out_the_same_windows_are_taken_and_that_is_sa
     assert after.entries == before.entries and after.judged == before.judged
     assert after.recomputed == 0 and taken_s(after) == pytest.approx(COUNT * EACH_S)
     said = (
-        "walk: wanted 2880 s by feedback, 16.0 s are there: "
-        "no more windows to take, the bound of 2400 s cut none off; record more of it"
+        "walk: feedback requests 2880 s, 16.0 s are available: "
+        "no more windows, the limit of 2400 s excluded none; record more of this skill"
     )
-    assert html.unescape(page["what feedback brought"].value) == f"- {said}"
-    assert not brought(after)["reached"] and short_of_wanted(after.settings) == (said,)
+    assert html.unescape(page["effect of feedback"].value) == f"- {said}"
+    assert not brought(after)["reached"] and unmet_requests(after.settings) == (said,)
 
 
 def test_a_stage_after_it_works_on_the_new_windows_alone(project):
@@ -150,16 +150,18 @@ def test_taking_it_back_gives_the_same_bytes_as_before(project, asset):
 
 def test_what_a_bound_brought_is_not_taken_for_an_approved_part(project, asset):
     approve(project)
-    assert heard(asset()[0].settings) == {"selection": part_version(approved_part(project, "selection", None))}
+    assert applied_versions(asset()[0].settings) == {
+        "selection": part_version(approved_part(project, "selection", None))
+    }
 
 
 def test_the_check_of_the_database_tells_of_a_skill_that_feedback_wants_more_of(project, asset):
     plan = Plan("expert_db", "database", ())
     before, _ = asset()
     index = before.entry_table().assign(variant="original")
-    assert "wanted by feedback" not in _every_skill(plan, index, before.settings).metadata
+    assert "requested by feedback, not met" not in _every_skill(plan, index, before.settings).metadata
     approve(project)
     found = _every_skill(plan, index, asset()[0].settings)
     assert found.check_name == COVERED
-    told = str(found.metadata["wanted by feedback"].value)
-    assert told.startswith("walk: wanted 2880 s by feedback, 16.0 s are there")
+    told = str(found.metadata["requested by feedback, not met"].value)
+    assert told.startswith("walk: feedback requests 2880 s, 16.0 s are available")

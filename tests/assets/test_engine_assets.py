@@ -40,7 +40,7 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.Monkey
     for module in (policy, validation, limit_cycles):
         monkeypatch.setattr(module, "PROJECT", project)
     still = still_policy(deployment_task(robot))
-    monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
+    monkeypatch.setattr(policy, "stored_policy", lambda manifest: still)
     return project
 
 

@@ -34,8 +34,8 @@ def test_a_missing_webots_is_not_run_though_a_stand_in_passed():
     "status",
     [
         "failed to run: did not start, /opt/webots: Permission denied",
-        "failed to run: timed out, it was ended after 300 s",
-        "failed to run: crashed, it died of SIGSEGV",
+        "failed to run: timed out, it was terminated after 300 s",
+        "failed to run: crashed, it was killed by SIGSEGV",
         "failed to run: garbage, the result is empty",
     ],
 )
@@ -51,17 +51,19 @@ def test_a_webots_that_breaks_is_neither_missing_nor_a_verdict(status: str):
 def test_a_stand_in_that_breaks_is_told_beside_the_verdict_of_webots():
     verdicts = {
         WEBOTS: WebotsVerdict(engine=WEBOTS, status="passed"),
-        MUJOCO_STAND_IN: WebotsVerdict(engine=MUJOCO_STAND_IN, status="failed to run: crashed, it died of SIGABRT"),
+        MUJOCO_STAND_IN: WebotsVerdict(
+            engine=MUJOCO_STAND_IN, status="failed to run: crashed, it was killed by SIGABRT"
+        ),
     }
     found = verdict_of("webots_validation", stored_verdict("webots_validation", "d1", verdicts), "d1")
     assert found.status is Status.PASSED
-    assert found.failed_to_run == ("mujoco stand-in: failed to run: crashed, it died of SIGABRT",)
+    assert found.failed_to_run == ("mujoco stand-in: failed to run: crashed, it was killed by SIGABRT",)
 
 
 @pytest.mark.parametrize(
     ("status", "severity"),
     [
-        ("failed to run: crashed, it died of SIGSEGV", dg.AssetCheckSeverity.ERROR),
+        ("failed to run: crashed, it was killed by SIGSEGV", dg.AssetCheckSeverity.ERROR),
         ("not run: webots not found", dg.AssetCheckSeverity.WARN),
         ("failed", dg.AssetCheckSeverity.WARN),
     ],

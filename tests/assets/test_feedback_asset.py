@@ -79,7 +79,7 @@ def test_what_is_proposed_waits_until_it_is_approved(project):
     assert (said["changes pending"], said["changes approved"], check.passed) == (2, 1, False)
     approve_proposal(project.feedback, said["proposal"], "a person")
     said, check = page(project, fall(1))
-    assert check.passed and said["how to approve"] == "nothing waits"
+    assert check.passed and said["how to approve"] == "nothing waits for approval"
 
 
 def test_the_page_is_made_anew_after_every_approval_and_taking_back(project):
@@ -129,7 +129,7 @@ def test_what_is_approved_and_proposed_no_longer_is_told_and_stays(project):
     approve_proposal(project.feedback, said["proposal"], "a person")
     said, check = page(project)
     assert said["proposal"] == "none" and check.passed
-    assert said["approved, proposed no longer"].count("t1, ") == 3
+    assert said["approved, no longer proposed"].count("t1, ") == 3
     assert len(project.feedback.approvals().changes) == 3
 
 
@@ -139,7 +139,7 @@ def test_a_broken_file_of_approvals_is_told_on_the_page_and_hides_no_proposal(pr
     project.feedback.approved.write_text(text)
     said, check = page(project, fall(1))
     assert said["changes pending"] == 3 and not check.passed
-    assert said["what is approved can't be used"] == found(check)
+    assert said["invalid approved changes"] == found(check)
     assert "approved.yaml" in found(check) and "Mend it, or delete it and approve again" in found(check)
     assert project.feedback.approved.read_text() == text
 
@@ -157,8 +157,8 @@ def test_a_broken_section_is_told_on_the_page(project):
 def test_the_demonstration_is_proposed_and_nobody_is_called_for_it(project):
     said, check = page(project, fall(1, simulated=True, file="demo/side_left_fall"))
     assert said["changes pending"] == 3 and said["proposal"] in said["how to approve"]
-    assert check.passed and "nothing of yours waits" in found(check)
-    assert "ship to show the loop" in said["demonstration"]
+    assert check.passed and "no change from your own logs is pending" in found(check)
+    assert "ship to demonstrate the loop" in said["demonstration"]
     said, check = page(project, fall(1, simulated=True, file="demo/side_left_fall"), fall(2, simulated=True))
     assert not check.passed and "demonstration" not in said
 
@@ -207,6 +207,6 @@ def test_a_trial_beside_its_simulation_has_units(project):
     velocities = {"command": [0.6, 0.0, 0.1], "achieved": [0.5, 0.0, 0.1], "simulated": [0.55, 0.0, 0.1]}
     twin = {"start_s": 1.0, "stop_s": 9.0, "simulation_fell": False, "cycles": [], "notes": [], **velocities}
     found = Manifest(stage="failure_modes", entries=(), judged=(), settings={"walk": {"twin": twin}})
-    (row,) = feedback.sim_to_real_report(found).metadata["trials against their simulation"].records
+    (row,) = feedback.sim_to_real_report(found).metadata["trials and their simulation"].records
     assert row.data["forward achieved [m/s]"] == "0.5"
     assert row.data["yaw commanded [rad/s]"] == "0.1"

@@ -11,8 +11,8 @@ ONE, OTHER = "a" * 64, "b" * 64
 def rests_on(*reports: TrialReport) -> dict[str, str]:
     """By part what its change rests on."""
     page = FeedbackPage(proposal=proposal(*reports), approvals=Approvals())
-    rows = page.metadata("digest")["what is proposed"].records
-    return {str(row.data["part"]): str(row.data["rests on"]) for row in rows}
+    rows = page.metadata("digest")["proposed changes"].records
+    return {str(row.data["section"]): str(row.data["evidence"]) for row in rows}
 
 
 def test_logs_of_one_policy_in_simulation_are_shown_with_how_often_they_count():

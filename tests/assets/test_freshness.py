@@ -50,7 +50,7 @@ def reason(project: Project, plan: Plan, manifest: Manifest, faults: int) -> str
 def test_clips_that_were_lost_to_a_fault_make_their_asset_stale(project: Project, robot: Robot):
     manifest = stored(project, REPAIRED, robot)
     assert reason(project, REPAIRED, manifest, faults=0) == ""
-    assert reason(project, REPAIRED, manifest, faults=2) == "the stage itself failed on 2 clips, which are tried again"
+    assert reason(project, REPAIRED, manifest, faults=2) == "the stage itself failed on 2 clips; they are tried again"
 
 
 def test_what_lacks_a_blob_has_no_version(project: Project, robot: Robot):

@@ -274,7 +274,7 @@ def test_files_that_may_hold_a_robots_motion_follow_each_robots_folder(copied):
 
 
 def test_failures_follow_the_policies_at_hand(copied):
-    (failures,) = (plan for plan in plans(copied).values() if plan.policies_at_hand)
+    (failures,) = (plan for plan in plans(copied).values() if plan.any_policy)
     before = failures.fingerprint(copied)
     policy = copied.shipped_policies("k1") / "walk" / "policy.npz"
     policy.parent.mkdir(parents=True)

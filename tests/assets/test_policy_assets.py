@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from assets import amp_policy, policy, report, resources, training_process
-from assets.bootstrap import _parents, made_for, upstream
+from assets.bootstrap import _parents, hard_inputs, upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
 from assets.plan import digest_of_robot, plans, robot_plans
@@ -105,7 +105,7 @@ def why(result):
 def test_without_any_policy_the_export_says_what_to_do(project):
     result = export()
     assert not result.success
-    assert "robots/t1/policies/walk ships none" in why(result)
+    assert "none is shipped in robots/t1/policies/walk" in why(result)
     assert "dagster asset materialize --select t1/amp_policy" in why(result)
 
 
@@ -113,10 +113,10 @@ def test_the_policy_that_ships_is_served_with_the_run_that_made_it(project, robo
     card = ship(project, robot)
     said = told(export())
     assert said["origin"] == "ships with the project"
-    assert said["made by run"] == "run of the shipped"
+    assert said["training run"] == "run of the shipped"
     assert said["digest"] == card.digest
     assert said["may ship"] is True
-    facts = policy.served(project.store.load("exported_policy"))
+    facts = policy.export_facts(project.store.load("exported_policy"))
     assert "policy.onnx" in facts["files"] and "policy.onnx" not in card.files
     assert (project.root / facts["folder"] / "policy.onnx").is_file()
 
@@ -130,13 +130,13 @@ def test_a_full_training_here_takes_its_place(project, robot):
     card = ship(project, robot)
     trained(project, robot, trial=False)
     said = told(export())
-    assert (said["origin"], said["made by run"]) == ("trained here", "run7")
+    assert (said["origin"], said["training run"]) == ("trained here", "run7")
     assert said["digest"] != card.digest
     assert said["expert database"] == "d1"
     assert said["may ship"] is False
-    stored = policy.served(project.store.load("exported_policy"))
+    stored = policy.export_facts(project.store.load("exported_policy"))
     assert stored["folder"] == "data/policies/t1/exported"
-    assert policy.served_policy(project.store.load("exported_policy")).gains is not None
+    assert policy.stored_policy(project.store.load("exported_policy")).gains is not None
     card = json.loads((project.root / stored["folder"] / "card.json").read_text())
     assert (card["run"]["commit"], card["run"]["command"]) == ("abc", "python -m pipeline.training --seed 3")
 
@@ -146,7 +146,7 @@ def test_a_trial_never_takes_its_place(project, robot):
     trained(project, robot, trial=True)
     assert told(export())["origin"] == "ships with the project"
     shutil.rmtree(project.shipped_policies("t1"))
-    assert "there is no policy of 't1'" in why(export())
+    assert "there is no policy for 't1'" in why(export())
 
 
 def test_a_training_whose_files_are_gone_is_none(project, robot):
@@ -172,7 +172,7 @@ def test_it_is_marked_shippable_only_where_the_licence_allows(project, robot, li
 def test_a_shipped_file_that_was_changed_fails_the_run(project, robot):
     ship(project, robot)
     (project.shipped_policies("t1") / "walk" / "policy.npz").write_bytes(b"other")
-    assert "policy.npz: missing or not what the card states" in why(export())
+    assert "policy.npz: missing, or different from the digest in the card" in why(export())
 
 
 def test_policies_that_ship_do_not_change_what_the_robot_is(project, robot):
@@ -202,14 +202,14 @@ def test_a_training_is_new_content_and_its_lack_makes_nothing_stale(project, rob
         assert stale() == "'t1/amp_policy' has new content"
         assert export(instance).success
         assert stale() is None
-        path = project.root / policy.served(project.store.load("exported_policy"))["folder"] / "policy.npz"
+        path = project.root / policy.export_facts(project.store.load("exported_policy"))["folder"] / "policy.npz"
         path.write_bytes(b"other")
-        assert stale() == "what is stored is not the result of its last materialization"
+        assert stale() == "its stored result is not that of its last materialization"
 
 
 def test_nothing_starts_a_training():
     """Neither the database, nor a policy that is wanted, nor a report; nor a clock."""
-    parents = made_for(_parents(), plans(PROJECT))
+    parents = hard_inputs(_parents(), plans(PROJECT))
     for name in ("expert_db", "exported_policy", "limit_cycles", "mujoco_validation", "release_report"):
         above = upstream({dg.AssetKey([name])}, parents)
         assert TRAINED.key not in above
@@ -237,13 +237,13 @@ def test_a_trial_runs_without_a_gpu_and_says_what_it_is(project, robot, monkeypa
         raise_on_error=False,
     )
     said = told(result, "t1__amp_policy")
-    assert said["what it is"] == "a trial: a few iterations without a GPU, no policy"
+    assert said["type of run"] == "a trial: a few iterations without a GPU, no policy"
     assert said["checkpoint"] == "the newest, not validated: a trial"
     assert (said["iterations"], said["d_policy"], said["episode_s"]) == (2, -0.5, 7.0)
     assert said["expert database"] == "d1"
     assert str(project.root) not in said["command"]
     assert "data:image/png;base64" in said["curves"]
-    (row,) = said["achieved against commanded velocity"].records
+    (row,) = said["commanded and achieved velocity"].records
     assert row.data == {"command": "top", "commanded": "1.9", "achieved": "1.7"}
     (facts,) = project.store.load("t1/amp_policy").settings.values()
     assert facts["trial"] is True

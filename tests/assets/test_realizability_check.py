@@ -18,7 +18,7 @@ CLIPS = Manifest(stage="feasible_motions", entries=(), judged=())
 
 @pytest.mark.parametrize(("accuracy", "passed"), [(0.5, True), (0.75, True), (0.76, False), (1.0, False)])
 def test_an_accuracy_above_three_quarters_is_a_warning(monkeypatch, accuracy: float, passed: bool):
-    monkeypatch.setattr(database_checks, "measured", lambda *asked: accuracy)
+    monkeypatch.setattr(database_checks, "held_out_accuracy", lambda *asked: accuracy)
     result, found = database_checks.realizability_check(PLAN, CLIPS, None, logging.getLogger())
     assert (result.passed, result.severity, found) == (passed, dg.AssetCheckSeverity.WARN, accuracy)
     assert f"held-out accuracy {accuracy:.2f}" in str(result.metadata["found"].value)
@@ -38,7 +38,7 @@ def test_a_database_that_cannot_be_measured_says_so(monkeypatch, error: Exceptio
     def measured(*asked):
         raise error
 
-    monkeypatch.setattr(database_checks, "measured", measured)
+    monkeypatch.setattr(database_checks, "held_out_accuracy", measured)
     result, found = database_checks.realizability_check(PLAN, CLIPS, None, logging.getLogger())
     assert result.passed == passed and found is None
     assert str(result.metadata["found"].value) == f"not measured: {error}"

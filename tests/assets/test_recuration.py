@@ -14,14 +14,14 @@ from assets.sensors import (
     MAX_FAILURES,
     MAX_NIGHTLY_TRIES,
     approved_feedback_sensor,
-    behind,
     nightly_recuration,
+    outdated_databases,
     recurate,
 )
 from pipeline.batch import Manifest
 from pipeline.expert import history
 from pipeline.feedback.approve import approve_proposal, take_back_sections
-from pipeline.feedback.approved import noting
+from pipeline.feedback.approved import with_applied_changes
 from pipeline.feedback.change import proposal_digest
 from pipeline.project import PROJECT, Project
 from tests.factories.feedback_project import feedback_project, note_materialized, propose_into, two_falls
@@ -50,7 +50,7 @@ def write_database(project: Project) -> None:
     for section in PARTS:
         robot = None if section in SHARED_PARTS else "t1"
         if section != "randomization":
-            manifest = noting(manifest, approved_part(project, section, robot), section)
+            manifest = with_applied_changes(manifest, approved_part(project, section, robot), section)
     path = project.expert_db("t1") / "manifest.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"stages": manifest.settings}))
@@ -74,7 +74,7 @@ def reached(project: Project, history=dg.DagsterInstance.ephemeral):
     with history() as instance:
         note_materialized(instance, project)
         write_database(project)
-        assert behind(instance, project) == {}
+        assert outdated_databases(instance, project) == {}
         yield instance
 
 
@@ -92,14 +92,14 @@ def _job(request: dg.RunRequest) -> dg.JobDefinition:
 def test_a_database_is_behind_from_an_approval_until_it_is_made(project):
     with dg.DagsterInstance.ephemeral() as instance:
         approve(project)
-        assert behind(instance, project) == {}, "what was never made heeds it when it is made"
+        assert outdated_databases(instance, project) == {}, "what was never made heeds it when it is made"
         project.feedback.approved.unlink()
         note_materialized(instance, project)
-        assert behind(instance, project) == {}
+        assert outdated_databases(instance, project) == {}
         approve(project, "weights")
-        assert behind(instance, project) == {DATABASE: "approved_weights changed"}
+        assert outdated_databases(instance, project) == {DATABASE: "approved_weights changed"}
         note_materialized(instance, project)
-        assert behind(instance, project) == {}
+        assert outdated_databases(instance, project) == {}
 
 
 def test_a_robot_without_a_database_is_not_behind(project):
@@ -107,7 +107,9 @@ def test_a_robot_without_a_database_is_not_behind(project):
     with dg.DagsterInstance.ephemeral() as instance:
         note_materialized(instance, project)
         approve(project)
-        assert set(behind(instance, project)) == {DATABASE}, "what is approved for all robots makes no first database"
+        assert set(outdated_databases(instance, project)) == {DATABASE}, (
+            "what is approved for all robots makes no first database"
+        )
 
 
 def test_a_restored_database_stays_until_something_else_is_approved(project):
@@ -117,11 +119,11 @@ def test_a_restored_database_stays_until_something_else_is_approved(project):
         assert isinstance(tick(instance), dg.RunRequest), "it did not hear of the approval"
         folder, approved = project.expert_db("t1"), project.feedback.approved
         (folder.parent / ".t1.restored").write_text(history._restored_as(folder, approved))
-        assert str(tick(instance)).endswith("; a person restored those of t1, which are left as they are")
+        assert str(tick(instance)).endswith("; not updated, because a person restored them: t1")
         approve(project, "weights")
-        assert behind(instance, project) == {DATABASE: "approved_weights changed"}
+        assert outdated_databases(instance, project) == {DATABASE: "approved_weights changed"}
         note_materialized(instance, project)
-        assert list(behind(instance, project)) == [DATABASE], "the stages ran, and then the run died"
+        assert list(outdated_databases(instance, project)) == [DATABASE], "the stages ran, and then the run died"
 
 
 @pytest.mark.parametrize("section", ["selection", "augmentation", "weights", "motors"])
@@ -129,37 +131,37 @@ def test_a_database_is_behind_while_it_does_not_say_that_it_heard(project, secti
     with reached(project) as instance:
         approve(project, section)
         note_materialized(instance, project)
-        (why,) = behind(instance, project).values()
-        assert why.endswith("did not reach the database"), "the stages ran, and then the run died"
+        (why,) = outdated_databases(instance, project).values()
+        assert why.endswith("is not in the database"), "the stages ran, and then the run died"
         write_database(project)
-        assert behind(instance, project) == {}
+        assert outdated_databases(instance, project) == {}
         take_back_sections(project.feedback, (section,), "a person")
         note_materialized(instance, project)
-        assert list(behind(instance, project)) == [DATABASE], "what is taken back is in it still"
+        assert list(outdated_databases(instance, project)) == [DATABASE], "what is taken back is in it still"
 
 
 def test_ranges_of_training_make_no_database_late(project):
     with reached(project) as instance:
         approve(project, "randomization")
-        assert behind(instance, project) == {}
+        assert outdated_databases(instance, project) == {}
 
 
 def test_the_sensor_and_the_schedule_ask_for_one_run_and_rest_when_it_is_through(project):
     with reached(project, dg.instance_for_test) as instance:
         schedule = dg.build_schedule_context(instance=instance)
-        assert "no database is behind" in tick(instance)
+        assert "every database contains" in tick(instance)
         assert isinstance(nightly_recuration(schedule), dg.SkipReason)
         approve(project, "weights")
         request = tick(instance)
         assert isinstance(request, dg.RunRequest) and request.asset_selection == [DATABASE]
         assert nightly_recuration(schedule).asset_selection == [DATABASE]
         run = run_of(instance, request, dg.DagsterRunStatus.STARTED)
-        assert "a run was started for what is approved now (expert_db: approved_weights changed)" in tick(instance)
+        assert "a run for the approved changes (expert_db: approved_weights changed) is in progress" in tick(instance)
         assert isinstance(nightly_recuration(schedule), dg.SkipReason)
         note_materialized(instance, project)
         write_database(project)
         instance.report_run_canceled(run)
-        assert "no database is behind" in tick(instance)
+        assert "every database contains" in tick(instance)
 
 
 def test_the_page_of_feedback_comes_first_and_keeps_no_database_waiting(project):
@@ -181,10 +183,7 @@ def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(proj
         for count in range(MAX_NIGHTLY_TRIES):
             asked = tick(instance)
             if count >= MAX_FAILURES:
-                assert (
-                    f"{count} runs for what is approved now (expert_db: approved_weights changed) came to nothing"
-                    in asked
-                )
+                assert f"{count} runs for the approved changes (expert_db: approved_weights changed) failed" in asked
                 asked = nightly_recuration(dg.build_schedule_context(instance=instance))
             assert isinstance(asked, dg.RunRequest)
             instance.report_run_failed(run_of(instance, asked, dg.DagsterRunStatus.STARTED))
@@ -201,9 +200,9 @@ def test_a_run_that_a_person_cancels_is_not_started_again_until_something_change
         assert isinstance(request, dg.RunRequest)
         run = run_of(instance, request, dg.DagsterRunStatus.STARTED)
         instance.report_run_canceling(run)
-        assert "a run was started" in str(tick(instance))
+        assert "is in progress" in str(tick(instance))
         instance.report_run_canceled(run)
-        assert f"run {run.run_id} for what is approved now (expert_db: approved_weights changed) was cancelled" in str(
+        assert f"run {run.run_id} for the approved changes (expert_db: approved_weights changed) was cancelled" in str(
             tick(instance)
         )
         assert isinstance(nightly_recuration(dg.build_schedule_context(instance=instance)), dg.SkipReason)
@@ -222,7 +221,7 @@ def test_runs_that_succeed_and_reach_nothing_do_not_go_on_for_ever(project):
             request = tick(instance)
             assert isinstance(request, dg.RunRequest)
             run_of(instance, request, dg.DagsterRunStatus.SUCCESS)
-        assert "came to nothing" in tick(instance)
+        assert "failed" in tick(instance)
         run_of(instance, dg.RunRequest(), dg.DagsterRunStatus.SUCCESS)
         assert isinstance(tick(instance), dg.RunRequest), "somebody started one by hand in between"
 
@@ -252,7 +251,7 @@ def test_a_run_whose_process_is_gone_is_told_failed_and_tried_again(project):
         assert isinstance(request, dg.RunRequest)
         run = run_of(instance, request, dg.DagsterRunStatus.STARTED)
         with alive(runs, run.run_id):
-            assert "a run was started" in tick(instance)
+            assert "is in progress" in tick(instance)
         (runs / run.run_id).write_text("of a process that was killed, whose lock the system released")
         again = tick(instance)
         assert isinstance(again, dg.RunRequest) and again.tags[APPROVED_TAG] == request.tags[APPROVED_TAG]
@@ -265,11 +264,11 @@ def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monk
         request = tick(instance)
         assert isinstance(request, dg.RunRequest)
         run = run_of(instance, request, dg.DagsterRunStatus.STARTING)
-        assert "a run was started" in tick(instance)
+        assert "is in progress" in tick(instance)
         monkeypatch.setattr(runs, "START_S", 0.0)
         assert isinstance(tick(instance), dg.RunRequest)
         with alive(project.store.root / "runs", run.run_id):
-            assert "a run was started" in tick(instance), "it has its lock"
+            assert "is in progress" in tick(instance), "it has its lock"
 
 
 def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):

@@ -101,7 +101,7 @@ def test_a_result_that_does_not_say_whether_it_passed_was_not_run():
     for manifest, times in ((silent, 0), (twice, 2)):
         assert release.result_in(manifest) == {
             "passed": None,
-            "not_run": f"its result says {times} times whether it passed",
+            "not_run": f"its result has {times} verdicts instead of one",
         }
 
 

@@ -6,7 +6,7 @@ import dagster as dg
 import pytest
 
 from assets import bootstrap, source_jobs
-from assets.bootstrap import work_again
+from assets.bootstrap import rerun_stages
 from assets.plan import SHARED, plans, robot_plans
 from assets.source_jobs import rerun_source
 from assets.sources import SOURCES_NAME, note_sources
@@ -35,7 +35,7 @@ def test_the_job_of_a_source_works_again_on_its_clips_alone(instance, monkeypatc
     def work(instance, run, project, log):
         seen.update({clip: clip in clips_again() for clip in ("walks/a@0-10~mirror", "runs/a", "walks2/a", "walks")})
 
-    monkeypatch.setattr(source_jobs, "work_again", work)
+    monkeypatch.setattr(source_jobs, "rerun_stages", work)
     made = rerun_source.execute_in_process(instance=instance, partition_key="walks", resources={"io_manager": object()})
     assert made.success
     assert seen == {"walks/a@0-10~mirror": True, "runs/a": False, "walks2/a": False, "walks": False}
@@ -49,7 +49,7 @@ def test_a_source_that_there_is_not_is_refused(instance):
 
 
 def worked_on(instance, monkeypatch, stale: list[str]) -> set[str]:
-    """What `work_again` materializes in a graph of this project's keys, whose assets do nothing."""
+    """What `rerun_stages` materializes in a graph of this project's keys, whose assets do nothing."""
     done: set[str] = set()
 
     def stage(key: dg.AssetKey, needs: set[dg.AssetKey]) -> dg.AssetsDefinition:
@@ -69,7 +69,7 @@ def worked_on(instance, monkeypatch, stale: list[str]) -> set[str]:
         bootstrap, "stale_now", lambda instance, project: {dg.AssetKey(name.split("/")): "new" for name in stale}
     )
     run = instance.create_run_for_job(rerun_source)
-    work_again(instance, run, PROJECT, LOG)
+    rerun_stages(instance, run, PROJECT, LOG)
     return done
 
 
@@ -96,7 +96,7 @@ def test_another_robot_s_stages_run_where_it_has_a_database(instance, monkeypatc
 
 def test_a_run_that_is_launched_by_the_tag_of_no_source_works_on_nothing(instance, monkeypatch):
     note_sources(instance, ["walks"])
-    monkeypatch.setattr(source_jobs, "work_again", lambda *_: pytest.fail("it works"))
+    monkeypatch.setattr(source_jobs, "rerun_stages", lambda *_: pytest.fail("it works"))
     tags = {"dagster/partition": "nowhere"}
     done = rerun_source.execute_in_process(
         instance=instance, tags=tags, resources={"io_manager": object()}, raise_on_error=False

@@ -9,7 +9,7 @@ import pytest
 
 from assets import amp_policy, resources
 from assets.amp_policy import train_beside_others
-from assets.resources import _one_run_at_a_time, store_left_to_others
+from assets.resources import _one_run_at_a_time, store_released
 from assets.training_process import TrainingFailedError
 from pipeline.project import Project
 
@@ -40,18 +40,18 @@ def is_free(project: Project) -> bool:
 def test_others_get_the_store_while_it_is_left_to_them_and_not_before_or_after(project):
     with _one_run_at_a_time(context_of("a")):
         assert not is_free(project)
-        with store_left_to_others(LOG):
+        with store_released(LOG):
             assert is_free(project)
         assert not is_free(project)
         assert (project.store.root / "lock").read_text().startswith("run a ")
-        with pytest.raises(ValueError, match="broken"), store_left_to_others(LOG):
+        with pytest.raises(ValueError, match="broken"), store_released(LOG):
             raise ValueError("broken")
         assert not is_free(project)
     assert is_free(project)
 
 
 def test_without_a_lock_nothing_is_left_or_taken(project):
-    with store_left_to_others(LOG):
+    with store_released(LOG):
         pass
     assert not (project.store.root / "lock").exists()
 

@@ -61,7 +61,7 @@ def test_the_shipped_tracker_is_served_and_a_trial_is_not(project: Project):
     assert materialized()["origin"] == tracker_choice.SHIPPED
     assert not (project.policies("t1") / "tracker_runs").exists(), "nothing is trained without a request"
     found = materialized(train=tracker_choice.ALWAYS, num_envs=2)
-    assert (found["origin"], found["references that it was not trained on"]) == (tracker_choice.SHIPPED, 2)
+    assert (found["origin"], found["references it was not trained on"]) == (tracker_choice.SHIPPED, 2)
     (run,) = (project.policies("t1") / "tracker_runs").iterdir()
     assert run.name.startswith("trial-seed1-")
     assert json.loads((run / "config.json").read_text())["num_envs"] == 2
@@ -86,8 +86,8 @@ def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot
     (command,) = ran
     assert command[:2] == ("-m", "pipeline.tracking") and command[-1] == "--resume"
     assert command[command.index("--device") + 1] == "cuda" and command[command.index("--minutes") + 1] == "30"
-    assert (found["origin"], found["trained on"]) == (tracker_choice.TRAINED, "2 clips")
-    assert found["references that it was not trained on"] == 0
+    assert (found["origin"], found["training clips"]) == (tracker_choice.TRAINED, "2 clips")
+    assert found["references it was not trained on"] == 0
     card = read_card(project.policies("t1") / "tracker")
     assert (card.clips, card.licences, card.training["iterations"]) == (("test/a", "test/b"), ("CC0-1.0",), 1)
     assert card.training["command"].startswith("python -m pipeline.tracking --bundle data/policies/t1/tracking_bundle")
@@ -108,7 +108,7 @@ def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Pro
     assert other.folder != run.folder, "other references begin another run"
     for device in ("auto", "cuda"):
         asked = tracking_policy.TrackerConfig(train=tracker_choice.ALWAYS, device=device, gpus=4)
-        with pytest.raises(TrainingFailedError, match="4 GPUs are asked for, 2 are here"):
+        with pytest.raises(TrainingFailedError, match="4 GPUs are requested, 2 are available"):
             tracking_policy._run_of(asked, project.root, project.root / "bundle", "content")
 
 
@@ -130,7 +130,7 @@ def test_before_a_policy_a_tracker_is_trained_once_on_other_clips(project: Proje
     monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
     for _ in range(2):
         found = materialized(train=tracker_choice.CHANGED, num_envs=2, iterations=1)
-        assert (found["origin"], found["references that it was not trained on"]) == (tracker_choice.TRAINED, 0)
+        assert (found["origin"], found["references it was not trained on"]) == (tracker_choice.TRAINED, 0)
     assert len(trained) == 1
 
 

@@ -75,7 +75,7 @@ def test_with_gpus_it_is_a_full_training_by_torchrun(place, monkeypatch):
 
 
 def test_a_gpu_that_is_not_there_is_no_silent_trial(place, monkeypatch):
-    with pytest.raises(TrainingFailedError, match=r"2 GPUs are asked for, 1 are here"):
+    with pytest.raises(TrainingFailedError, match=r"2 GPUs are requested, 1 are available"):
         asked(place, 1, monkeypatch, device="cuda", gpus=2)
 
 

@@ -39,7 +39,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     project: Project, robot: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     still = still_policy(deployment_task(robot))
-    monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
+    monkeypatch.setattr(policy, "stored_policy", lambda manifest: still)
 
     passed_now = project.simulated_failures("t1", "mujoco") / "of_an_earlier_verdict.mcap"
     passed_now.parent.mkdir(parents=True)
@@ -67,7 +67,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     logs = sorted(project.simulated_failures("t1", "mujoco").glob("*.mcap"))
     assert [path.name for path in logs] == ["push_force_standing_20_ns.mcap"]  # 60 N s is not required
     (event,) = ran.asset_materializations_for_node("mujoco_validation")
-    pictures = ("command tracking", "survival of pushes", "torque against speed", "foot contacts")
+    pictures = ("command tracking", "survival of pushes", "torque over speed", "foot contacts")
     assert all("data:image/png" in str(event.metadata[name].value) for name in pictures)
     (check,) = ran.get_asset_check_evaluations()
     assert (check.check_name, check.passed) == (validation.PASSED, False)
@@ -79,7 +79,7 @@ def test_other_engines_say_the_digest_of_what_they_walk_too(
 ):
     still = still_policy(deployment_task(robot))
     monkeypatch.setattr(policy, "PROJECT", project)
-    monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
+    monkeypatch.setattr(policy, "stored_policy", lambda manifest: still)
     exported = Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": {"digest": "another"}})
     found, _ = policy.evaluated_policy(policy.EvaluatedPolicyConfig(), exported, "t1")
     assert digest(found.policy) == digest(still)

@@ -102,7 +102,7 @@ def test_a_rollout_is_shown_beside_the_frames_of_the_reference_that_it_tracked(p
 
 
 def test_a_name_that_is_not_there_tells_what_comes_near(project, robot):
-    with pytest.raises(PipelineError, match="neither a file nor a clip of the store; near it are: made/glide"):
+    with pytest.raises(PipelineError, match="neither a file nor a clip of the store; similar names: made/glide"):
         clips_to_view(project, "made/glyde", robot, NOTHING_STATED)
 
 

@@ -101,7 +101,7 @@ def test_nothing_usable_is_one_sentence_with_its_reason_and_no_file(motions, tmp
     assert main(["retarget", str(motions / "defect_foot_skate.bvh"), "--out", str(out)]) == 1
     said = capsys.readouterr()
     assert not out.exists() and said.out == ""
-    assert "nothing of it can be retargeted" in said.err and said.err.count("\n") == 1
+    assert "no part of it can be retargeted" in said.err and said.err.count("\n") == 1
 
 
 def test_inspect_tells_a_file_in_a_table(motions, capsys):
@@ -111,7 +111,7 @@ def test_inspect_tells_a_file_in_a_table(motions, capsys):
     facts = {name.strip(): value.strip() for name, value in lines.items()}
     assert facts["format"] == "bvh" and facts["skeleton"] == "booster_lab" and facts["licence"] == "CC0-1.0"
     assert facts["declared rate"] == "60 Hz" and facts["true rate"] == "60 Hz"
-    assert "found: nothing wrong" in said and "walk" in said
+    assert "found: no defects" in said and "walk" in said
 
 
 def test_inspect_json_has_its_keys_and_types(motions, capsys):
@@ -172,7 +172,7 @@ def test_view_writes_a_picture(walk, tmp_path, capsys):
     [
         (["inspect", "{tmp}/none.bvh"], "the file does not exist"),
         (["inspect", "{tmp}/notes.doc"], "'.doc' is not a motion file"),
-        (["inspect", "{tmp}/empty"], "there is no motion file in it"),
+        (["inspect", "{tmp}/empty"], "it has no motion files"),
         (
             ["view", "{walk}", "--picture", "{tmp}/walk.jpg"],
             "walk.jpg: a picture is a .png. Name a file with that suffix.",
@@ -181,14 +181,14 @@ def test_view_writes_a_picture(walk, tmp_path, capsys):
         (["inspect", "--write-map", "{tmp}/none.bvh"], "the file does not exist"),
         (["inspect", "--unit", "parsec", "{walk}"], "'parsec' is not a unit"),
         (["inspect", "--unit", "m", "{walk}"], "with the stated unit 'm' a leg is"),
-        (["inspect", "--unit", "m", "{walk}"], "`unit:` in data/sources.yaml. For this command alone: --unit."),
-        (["inspect", "{tmp}/rows.csv"], "data/sources.yaml. For this command alone: --source-fps."),
-        (["score", "{tmp}/rows.csv", "--human", "{walk}"], "data/sources.yaml. For this command alone: --fps."),
+        (["inspect", "--unit", "m", "{walk}"], "`unit:` in data/sources.yaml. For this command only: --unit."),
+        (["inspect", "{tmp}/rows.csv"], "data/sources.yaml. For this command only: --source-fps."),
+        (["score", "{tmp}/rows.csv", "--human", "{walk}"], "data/sources.yaml. For this command only: --fps."),
         (["inspect", "--skeleton", "octopus", "{walk}"], "octopus"),
         (["retarget", "{tmp}/none.bvh", "--out", "{tmp}/o.csv"], "the file does not exist"),
         (
             ["retarget", "{tmp}/odd.npz", "--out", "{tmp}/o.csv"],
-            "as `fps:` in data/sources.yaml. For this command alone: --source-fps.",
+            "as `fps:` in data/sources.yaml. For this command only: --source-fps.",
         ),
         (["retarget", "{walk}", "--out", "{tmp}/o.bvh"], "ends in .csv"),
         (["retarget", "{walk}", "--robot", "k9", "--out", "{tmp}/o.csv"], "unknown robot 'k9'; there are: k1, t1"),

@@ -228,7 +228,7 @@ def test_the_card_of_an_export_is_that_of_the_exported_clips(database, tmp_path,
     [
         (["{db}/none", "--format", "gmr", "--out", "{out}"], "materialize --select expert_db\n"),
         (["{db}/k1", "--format", "gmr", "--out", "{out}"], "materialize --select k1/expert_db\n"),
-        (["{db}", "--format", "gmr", "--out", "{db}/inside"], "it is in the database, whose files have digests"),
+        (["{db}", "--format", "gmr", "--out", "{db}/inside"], "it is inside the database, which must not be changed"),
         (["{db}", "--format", "gmr", "--out", "{out}", "--skill", "fly"], "unknown skill 'fly'; there are: run, walk"),
         (["{out}", "--format", "gmr", "--out", "{db}.out"], "not a whole expert database"),
     ],
@@ -246,6 +246,6 @@ def test_a_folder_that_holds_something_is_not_written_into(database, tmp_path, c
     out.mkdir()
     (out / "README.md").write_text("mine")
     assert main(["export", str(database), "--format", kind, "--out", str(out)]) == 1
-    assert "it is not empty; an export is written as a whole" in capsys.readouterr().err
+    assert "it is not empty. Name an empty folder" in capsys.readouterr().err
     assert [path.name for path in out.iterdir()] == ["README.md"]
     assert (out / "README.md").read_text() == "mine"

@@ -51,7 +51,7 @@ def test_a_clip_prints_every_criterion(project: Path, capsys):
     assert main(["inspect", "mine/sunk@0-99"]) == 0
     printed = capsys.readouterr().out
     lines = printed.splitlines()
-    assert lines[0] == "mine/sunk@0-99, 0.00 to 2.00 s: not kept as it is"
+    assert lines[0] == "mine/sunk@0-99, 0.00 to 2.00 s: not kept as a whole"
     assert all(any(code in line for line in lines) for code in codes())
     deepest = next(line for line in lines if " penetration_max " in line)
     assert "0.0504" in deepest or "0.05" in deepest
@@ -132,7 +132,7 @@ def test_a_file_of_the_database_is_the_clip_in_it(project: Path, capsys):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("mine/sink@0-99", "neither a file nor a clip that was judged; near it are: mine/sunk@0-99"),
+        ("mine/sink@0-99", "neither a file nor an evaluated clip; similar names: mine/sunk@0-99"),
         ("other.json", "other.json: not JSON ("),
         ("gone.bvh", "gone.bvh: the file does not exist"),
     ],

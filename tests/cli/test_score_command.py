@@ -85,7 +85,7 @@ def test_a_csv_without_a_rate_needs_it_stated(csv, walk, tmp_path, capsys):
     ("change", "sentence"),
     [
         (lambda clip: clip.cut(0, 45, "half"), "after repair it is 3.0"),
-        (lambda clip: clip, "is a human's motion"),
+        (lambda clip: clip, "is a human motion"),
     ],
 )
 def test_what_can_not_be_compared_is_one_sentence(csv, walk, tmp_path, capsys, change, sentence):

@@ -66,7 +66,7 @@ def test_files_that_are_not_of_a_project_are_kept(tmp_path: Path, capsys: pytest
     mine = tmp_path / "README.md"
     mine.write_text("mine")
     assert main(["webots-project", "--out", str(tmp_path)]) == 1
-    assert "README.md: it is there, and the folder has no project" in capsys.readouterr().err
+    assert "README.md: it exists, and the folder has no project" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["README.md"] and mine.read_text() == "mine"
     mine.unlink()
     for _ in range(2):

@@ -110,7 +110,7 @@ def test_a_curator_finds_watches_and_excludes_the_worst_clip_and_takes_it_back(p
     go(page, "#/decisions", "td")
     page.picture("curate_decisions")
     page.page.click("td >> text=undo")
-    page.page.wait_for_selector("text=No decision was made yet")
+    page.page.wait_for_selector("text=There are no decisions yet")
     materialize(page)
     assert checkout.database() == files, "taken back, byte for byte"
     assert page.complaints == []
@@ -173,7 +173,7 @@ def test_filters_that_are_noted_late_do_not_take_back_a_click(page):
 
 
 def test_a_link_to_a_clip_that_is_gone_shows_its_error_alone(page):
-    go(page, "#/clip/gone", "#message.error >> text=there is no clip 'gone' now")
+    go(page, "#/clip/gone", "#message.error >> text=there is no clip 'gone'")
     page.until("document.body.dataset.shown.startsWith('clip ')")
     assert page.page.text_content(".page") == ""
     page.complaints.clear()  # the console names the answer 404
@@ -215,7 +215,7 @@ def test_a_name_is_asked_for_and_a_bad_token_changes_nothing(page, checkout):
     page.page.fill("#name", "")
     page.page.click(".card:not([hidden]) input")
     page.page.click(".bar button.accept")
-    page.page.wait_for_selector("#message.error >> text=every decision is signed")
+    page.page.wait_for_selector("#message.error >> text=every decision is recorded with a name")
     page.page.fill("#name", "Ada")
     page.page.evaluate("localStorage.setItem('booster-lab-token', 'guessed')")
     page.page.click(".bar button.accept")

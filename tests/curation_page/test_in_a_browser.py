@@ -84,7 +84,7 @@ def test_names_lead_from_the_lineage_and_the_decisions_to_pages_of_their_own(pag
     for link in dict.fromkeys(links):
         go(page, link, "h1")
         assert page.page.is_hidden("#message.error"), link
-    go(page, clip(made.RECORDING), "text=clips were made from it")
+    go(page, clip(made.RECORDING), "text=clips were derived from it")
     assert made.KEPT in page.page.text_content(".page")
     assert "excluded by Ada" in page.page.text_content(".page")
     page.page.click("text=undo")
@@ -180,7 +180,7 @@ def test_a_reason_that_could_not_be_written_stays_in_its_form(folder):
         page.page.wait_for_selector("dialog .rejected >> text=a decision needs a reason")
         page.page.fill("dialog input", "its left foot slides")
         first.stop()
-        page.page.wait_for_selector("#run >> text=the server has ended")
+        page.page.wait_for_selector("#run >> text=the server does not respond")
         page.page.click("dialog .ok")
         page.page.wait_for_selector("dialog .rejected >> text=the server does not answer")
         assert page.page.input_value("dialog input") == "its left foot slides"
@@ -211,12 +211,12 @@ def test_undo_takes_back_the_decisions_of_the_selected_clips_that_have_one(page,
     page.until(f"document.querySelector('.count').textContent.startsWith('{LATER} of')")
     page.page.click("text=select all shown")
     page.page.click("text=undo decision")
-    page.page.wait_for_selector("#message >> text=10 clips: the decision is taken back")
+    page.page.wait_for_selector("#message >> text=10 clips: decision removed")
     assert decisions(folder) == []
     page.page.wait_for_selector(".card .decision", state="hidden")
     page.page.click("text=select all shown")
     page.page.click("text=undo decision")
-    page.page.wait_for_selector("#message.error >> text=none of the selected clips has a decision")
+    page.page.wait_for_selector("#message.error >> text=none of the selected clips has its own decision")
     assert page.complaints == []
 
 

@@ -100,10 +100,10 @@ def test_the_process_beside_the_server_makes_them_all_and_ends_with_it(root, rob
     folder = made.curated_project(root, tmp_path / "project", robot)
     process = ThumbnailProcess(folder, "t1")
     stop = time.monotonic() + 120.0
-    while time.monotonic() < stop and not (process.wanted and process.made == process.wanted):
+    while time.monotonic() < stop and not (process.total and process.made == process.total):
         time.sleep(0.2)
     process.stop()
-    assert process.made == process.wanted == len(read_table(Store(root=folder / "data/store"), "t1").rows)
+    assert process.made == process.total == len(read_table(Store(root=folder / "data/store"), "t1").rows)
     assert len(list((folder / "data/store/thumbnails").rglob("*.bin"))) == process.made
     process._process.wait(30.0)
 

@@ -103,7 +103,7 @@ def test_every_answer_forbids_scripts_of_others_and_frames(client):
         ({**EXCLUDE, "why": " "}, "'why' is missing"),
         ({**EXCLUDE, "verdict": "burn"}, "'verdict' is 'burn'"),
         ({**EXCLUDE, "clips": "all"}, "not a list of texts"),
-        ([1], "no JSON object"),
+        ([1], "not a JSON object"),
         ({**EXCLUDE, "why": "two\nlines"}, "allowed is one line"),
     ],
 )

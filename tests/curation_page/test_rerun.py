@@ -106,7 +106,7 @@ def test_the_run_gets_the_clips_shows_where_it_is_and_what_came_of_it(client, fo
         time.sleep(0.02)
     assert (state["stage"]["name"], state["stage"]["of"], state["rerun"]) == ("augmented_motions", 1, {"clips": 1})
     second = post(client, "rerun", {"clips": [made.SLIPPING]})
-    assert second.status_code == 400 and "at work already" in second.json()["error"]
+    assert second.status_code == 400 and "already in progress" in second.json()["error"]
     (folder / "wait").unlink()
     assert state_after_the_run(client)["rerun"]["unchanged"] == {"count": 1, "clips": [made.KEPT]}
     asked = json.loads((folder / "asked.json").read_text())

@@ -76,16 +76,16 @@ def test_the_card_states_other_seeds_and_held_out_trials(tmp_path, runs):
 def test_a_run_of_another_recipe_and_a_seed_that_comes_twice_are_refused(tmp_path, runs, robot, capsys):
     other = run_of(tmp_path / "other", robot, 4, 100.0, **{"ppo.init_std": 0.5})
     assert exported(tmp_path, runs, "--beside", other)[0] == 2
-    assert "in options, so it is no seed of its recipe" in capsys.readouterr().err
+    assert "in options, so it is not another seed of the same recipe" in capsys.readouterr().err
     later = run_of(tmp_path / "later", robot, 5, 100.0)
     config = json.loads((later / "config.json").read_text())
     write(later / "config.json", {**config, "commit": "of another version"})
     assert exported(tmp_path, runs, "--beside", later)[0] == 2
-    assert "in commit, so it is no seed of its recipe" in capsys.readouterr().err
+    assert "in commit, so it is not another seed of the same recipe" in capsys.readouterr().err
     assert exported(tmp_path, runs, "--beside", runs[1], runs[1])[0] == 2
-    assert "seed 2 is already there" in capsys.readouterr().err
+    assert "seed 2 is given twice" in capsys.readouterr().err
     assert exported(tmp_path, runs, "--beside", runs[0])[0] == 2
-    assert "seed 1 is already there" in capsys.readouterr().err
+    assert "seed 1 is given twice" in capsys.readouterr().err
     assert not (tmp_path / "out" / "card.json").exists()
 
 
@@ -99,7 +99,7 @@ def test_a_run_without_validation_is_refused(tmp_path, runs, capsys):
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"suite": "full"}, "no verdict of the suite held-out"),
+        ({"suite": "full"}, "not a verdict of the suite held-out"),
         ({"policy": "0" * 64}, "another policy"),
         ({"gains": {}}, "other gains"),
     ],

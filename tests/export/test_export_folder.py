@@ -70,7 +70,7 @@ def test_an_export_reads_as_it_was_written(export, robot):
 def test_a_file_that_was_changed_is_named(tmp_path, robot):
     exported(tmp_path, robot)
     (tmp_path / "out" / "golden.npz").write_bytes(b"other")
-    with pytest.raises(FileError, match=r"golden.npz: missing or not what the card states"):
+    with pytest.raises(FileError, match=r"golden.npz: missing, or different from the digest in the card"):
         read_export(tmp_path / "out", robot)
 
 
@@ -125,7 +125,7 @@ def test_an_export_is_not_completed_in_place_nor_if_it_was_changed(tmp_path, rob
     assert main([str(tmp_path / "out"), "--out", str(tmp_path / "out")]) == 2
     assert "can't be completed in place" in capsys.readouterr().err
     (tmp_path / "out" / "policy.npz").write_bytes(b"other")
-    with pytest.raises(FileError, match=r"policy.npz: missing or not what the card states"):
+    with pytest.raises(FileError, match=r"policy.npz: missing, or different from the digest in the card"):
         complete_export(tmp_path / "out", tmp_path / "done", robot, np.random.default_rng(0))
 
 
@@ -318,7 +318,7 @@ def test_the_command_exports_a_run(tmp_path, robot, capsys):
     assert "can't be marked shippable" in capsys.readouterr().err
     (run / "config.json").write_text(json.dumps({"preset": "paper"}))
     assert main(command) == 2
-    assert "does not say which database" in capsys.readouterr().err
+    assert "names no database" in capsys.readouterr().err
 
 
 def test_the_same_policy_is_exported_to_the_same_bytes(tmp_path, robot):

@@ -170,7 +170,7 @@ def test_a_payload_inside_a_torch_script_archive_is_refused_and_not_run(tmp_path
     with zipfile.ZipFile(files[1]) as old, zipfile.ZipFile(tmp_path / "bad.pt", "w") as new:
         for name in old.namelist():
             new.writestr(name, pickle.dumps(_Payload(ran)) if name.endswith("/data.pkl") else old.read(name))
-    with pytest.raises(FileError, match=r"no TorchScript module"):
+    with pytest.raises(FileError, match=r"not a TorchScript module"):
         read_torch_script(tmp_path / "bad.pt")
     assert not ran.exists()
 
@@ -216,5 +216,5 @@ def test_what_is_no_network_is_refused_by_name(tmp_path, read):
     with pytest.raises(FileError, match=r"there is no such file"):
         read(tmp_path / "missing")
     (tmp_path / "noise").write_bytes(np.random.default_rng(0).bytes(500))
-    with pytest.raises(FileError, match=r"noise: is no"):
+    with pytest.raises(FileError, match=r"noise: is (no|not a)"):
         read(tmp_path / "noise")

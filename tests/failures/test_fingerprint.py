@@ -9,7 +9,7 @@ import pytest
 from pipeline.failures.find import find_failures
 from pipeline.failures.signals import UNKNOWN, fingerprint_of, windows_of
 from pipeline.failures.trial_report import TrialReport
-from pipeline.feedback.trust import recorded
+from pipeline.feedback.trust import without_copies
 from pipeline.hardware_logs import RobotLog, write_mcap
 from pipeline.hardware_logs.write import Storage
 from pipeline.virtual_robot.scripted import TOPPLE_LEFT
@@ -43,7 +43,7 @@ def whole(log, tmp_path):
 
 
 def _counted(*reports: TrialReport) -> int:
-    return len({each.recording for each in recorded(reports)[0]})
+    return len({each.recording for each in without_copies(reports)[0]})
 
 
 def _part(log: RobotLog, start_s: float, stop_s: float) -> RobotLog:
@@ -65,7 +65,7 @@ def test_a_torn_copy_is_of_the_same_recording(whole, reports, share, tmp_path):
     (one,), (other,) = reports(whole), reports(torn)
     assert one.whole and not other.whole and one.sha256 != other.sha256
     assert _counted(one, other) == 1
-    heard, _ = recorded([other, one])
+    heard, _ = without_copies([other, one])
     assert {each.report.file for each in heard if each.report.failures} == {"whole.mcap"}
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.failures import judged, knee_errors
 from pipeline.failures.find import find_failures
-from pipeline.feedback.cell_weights import lowered
+from pipeline.feedback.cell_weights import with_lowered_limits
 from pipeline.feedback.propose import propose
 from pipeline.feedback.sim_to_real import simulated, twin_of
 from tests.factories.log_trials import FAILURES, trial_of
@@ -42,7 +42,7 @@ def test_a_weak_knee_is_proposed_and_the_adapted_model_falls_where_the_nominal_o
     assert motor.what == "Left_Knee_Pitch"
     assert motor.value == pytest.approx(0.32 * 60.0, rel=0.05)
     trial = trials[1]
-    assert simulated(trial, one.robot, lowered(actuators, [motor]), one.policy, trial.seconds).fell
+    assert simulated(trial, one.robot, with_lowered_limits(actuators, [motor]), one.policy, trial.seconds).fell
     assert not simulated(trial, one.robot, actuators, one.policy, trial.seconds).fell
 
 

@@ -182,10 +182,10 @@ def test_golden_vectors_are_those_that_the_card_beside_them_states(tmp_path):
     card(tmp_path, **{"golden.npz": digest.of_file(path)})
     assert read_golden(path).command.shape == (2, 3)
     golden(path, command=np.ones((2, 3)))
-    with pytest.raises(FileError, match=r"golden.npz: is not what card.json beside it states"):
+    with pytest.raises(FileError, match=r"golden.npz: does not match its digest in card.json beside it"):
         read_golden(path)
     card(tmp_path)
-    with pytest.raises(FileError, match=r"golden.npz: is not what card.json beside it states"):
+    with pytest.raises(FileError, match=r"golden.npz: does not match its digest in card.json beside it"):
         read_golden(path)
 
 
@@ -211,7 +211,7 @@ def test_a_card_carries_a_digest_of_itself(tmp_path):
     assert value["schema"] == SCHEMA
     for change in ({"shippable": True}, {"sha256": None}, {"files": {}}, {"sha256": "ab" * 32}):
         path.write_text(json.dumps({**value, **change}))
-        with pytest.raises(FileError, match="was changed: its content is not the one that its own digest states"):
+        with pytest.raises(FileError, match="was changed: its content does not match its own digest"):
             read_card(tmp_path)
 
 
@@ -253,7 +253,7 @@ def test_a_page_shows_figures_of_any_form_without_markup_and_before_the_facts():
     assert [line for line in lines if line.startswith("| may ship |")] == ["| may ship | no. nobody asked. |"]
 
 
-NO_CARD = f"is no card of schema '{SCHEMA}'"
+NO_CARD = f"is not a card of schema '{SCHEMA}'"
 
 
 @pytest.mark.parametrize(

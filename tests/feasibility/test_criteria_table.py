@@ -270,13 +270,13 @@ def stored(table: pd.DataFrame, manifest: Manifest, tmp_path: Path, monkeypatch:
 
 def test_a_table_with_damaged_pages_is_named_and_kp5_evaluates_again(stored: Path):
     references, path = robot_plans("t1")["reference_motions"], criteria_table.path_beside(stored)
-    assert robot_motions.criteria_at_hand(references) is not None
+    assert robot_motions.criteria_of_references(references) is not None
     data = path.read_bytes()
     path.write_bytes(data[:4] + bytes(400) + data[404:])
     assert criteria_table.belongs(path, stored), "its footer is whole"
     with pytest.raises(FileError, match=r"not a table of criteria that can be read.*--select feasible_motions"):
         criteria_table.read(path, stored)
-    assert robot_motions.criteria_at_hand(references) is None
+    assert robot_motions.criteria_of_references(references) is None
 
 
 @pytest.mark.parametrize("shortage", [MemoryError(), OSError(errno.EIO, os.strerror(errno.EIO))])
@@ -286,7 +286,7 @@ def test_a_shortage_is_not_reported_as_a_damaged_table(stored: Path, monkeypatch
 
     monkeypatch.setattr(criteria_table.pq, "read_table", fail)
     with pytest.raises(type(shortage)) as raised:
-        robot_motions.criteria_at_hand(robot_plans("t1")["reference_motions"])
+        robot_motions.criteria_of_references(robot_plans("t1")["reference_motions"])
     assert raised.value is shortage
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from pipeline.feedback.approved import (
     EMPTY,
-    added,
+    applied_versions,
     entries_of,
-    heard,
     lineage,
+    merged,
     part_of,
     part_version,
     read_approvals,
@@ -73,7 +73,7 @@ def test_a_section_with_a_digest_of_its_own_still_keeps_the_bounds(path):
     stated, own = re.findall(r"digest '([0-9a-f]+)' but '([0-9a-f]+)'", faults(path)["weights"])[0]
     path.write_text(text.replace(f"digest: {stated}", f"digest: {own}"))
     assert list(faults(path)) == ["weights"]
-    assert re.search(r"approvals\[2\]: .*is 9; by 2 logs allowed is 1 to 1.5625\. Approve", faults(path)["weights"])
+    assert re.search(r"approvals\[2\]: .*is 9; with 2 logs, 1 to 1.5625 is allowed\. Approve", faults(path)["weights"])
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_a_skill_that_there_is_not_is_refused(changes, path, section, what):
     misspelt = [dataclasses.replace(next(each for each in changes if each.section == section), what=what)]
     write_entries(path, entries_of(misspelt, "x", "a person"))
     assert list(faults(path)) == [section]
-    assert f"{section} '{what}' names no skill; there are: stand, " in faults(path)[section]
+    assert f"{section} '{what}' names no skill; skills are: stand, " in faults(path)[section]
 
 
 def test_a_change_under_another_sections_name_is_refused(path):
@@ -127,16 +127,16 @@ def test_a_change_under_another_sections_name_is_refused(path):
 def test_the_same_number_approved_twice_in_a_file_is_refused(changes, path):
     weights = [each for each in changes if each.section == "weights"]
     write_entries(path, (*entries_of(weights, "x", "a"), *entries_of(weights, "y", "b")))
-    assert "is there twice" in faults(path)["weights"]
+    assert "occurs twice" in faults(path)["weights"]
 
 
 def test_newer_approvals_replace_their_sections_or_only_the_same_numbers(changes):
     earlier = entries_of(changes, "x", "a")
     (weights,) = [entry for entry in earlier if entry.section == "weights"]
     (newer,) = entries_of(weights.changes, "y", "b")
-    assert [entry.proposal for entry in added(earlier, [newer], whole=True)] == ["x", "x", "y", "x", "x"]
-    assert added(earlier, [newer], whole=False) == added(earlier, [newer], whole=True), "nothing is left of it"
-    assert added((), earlier, whole=True) == earlier
+    assert [entry.proposal for entry in merged(earlier, [newer], whole=True)] == ["x", "x", "y", "x", "x"]
+    assert merged(earlier, [newer], whole=False) == merged(earlier, [newer], whole=True), "nothing is left of it"
+    assert merged((), earlier, whole=True) == earlier
 
 
 def test_a_change_of_weights_leaves_the_versions_of_the_other_parts(changes):
@@ -162,4 +162,4 @@ def test_a_manifest_tells_which_parts_it_heard(changes):
     stages = {"0": {"stage": "repaired_motions"}, "1": {"robot": "t1"}}
     for section, part in parts.items():
         stages |= lineage(part, section)
-    assert heard(stages) == {section: part_version(part) for section, part in parts.items()}
+    assert applied_versions(stages) == {section: part_version(part) for section, part in parts.items()}

@@ -64,15 +64,15 @@ def test_a_mixed_clip_is_raised_until_the_cell_has_its_share():
     rows = _balanced(*clips, _clip("ahead", 6.0, [_ahead(6.0)]))
     found = reweigh(rows, {LEFT: 1.8}, FREE, COMMANDS)
     (cell,) = found.cells
-    assert cell.wanted == pytest.approx(1.8 * cell.before / (1.0 + 0.8 * cell.before))
-    assert cell.reached == pytest.approx(cell.wanted, rel=1e-6)
+    assert cell.target == pytest.approx(1.8 * cell.before / (1.0 + 0.8 * cell.before))
+    assert cell.reached == pytest.approx(cell.target, rel=1e-6)
     assert _share(rows, found.weight, LEFT) == pytest.approx(cell.reached)
 
 
 def test_where_the_clips_do_not_allow_it_the_share_that_was_reached_is_told():
     rows = _balanced(_clip("mixed", 8.0, [_left(2.0), _ahead(6.0)]))
     (cell,) = reweigh(rows, {LEFT: 2.0}, FREE, COMMANDS).cells
-    assert cell.reached == pytest.approx(cell.before) and cell.wanted > cell.before
+    assert cell.reached == pytest.approx(cell.before) and cell.target > cell.before
 
 
 def test_a_cell_without_clips_changes_nothing():

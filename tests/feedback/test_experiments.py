@@ -98,7 +98,9 @@ def test_a_change_says_how_many_logs_it_has_and_how_often_they_count():
 def test_what_one_experiment_does_not_allow_is_refused_whoever_wrote_the_file(tmp_path):
     changes = proposal(*cells(28)).changes
     further = tuple(dataclasses.replace(each, value=0.2) for each in changes if each.what == "friction")
-    with pytest.raises(ChangeError, match=r"'friction' is 0\.2; by 28 logs that count as 1 allowed is 0\.25 to 0\.3"):
+    with pytest.raises(
+        ChangeError, match=r"'friction' is 0\.2; with 28 logs that count as 1, 0\.25 to 0\.3 is allowed"
+    ):
         check_bounds(further, RULES)
     write_entries(tmp_path / "approved.yaml", entries_of(further, "x", "a person"))
     assert list(read_approvals(tmp_path / "approved.yaml", RULES).faults) == ["randomization"]

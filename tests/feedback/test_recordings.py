@@ -33,7 +33,7 @@ def test_a_torn_copy_counts_once_with_the_whole(simulated):
     assert _weight(whole, torn) == _weight(torn, whole) == ONE
     found = proposal(whole, torn)
     assert {each.log for change in found.changes for each in change.witnesses} == {"log001.mcap"}
-    assert "trial002 (log002.mcap) is of the recording of log001.mcap and counts once with it" in found.silent
+    assert "trial002 (log002.mcap) is of the same recording as log001.mcap and counts once with it" in found.unproposed
 
 
 def test_what_a_torn_copy_alone_shows_does_not_count():
@@ -59,7 +59,7 @@ def test_the_files_of_a_split_bag_are_one_log_and_all_are_heard(gap_s):
 
 def test_the_files_of_a_split_bag_are_not_named_as_copies():
     first, second = (_timed(number, failure(), start_s=8.0 * number, data=str(number)) for number in (1, 2))
-    assert not any("counts once" in sentence for sentence in proposal(first, second).silent)
+    assert not any("counts once" in sentence for sentence in proposal(first, second).unproposed)
 
 
 def test_real_logs_apart_in_time_are_two():
@@ -107,7 +107,7 @@ def test_a_motor_needs_two_recordings():
     for again in (torn, piece):
         found = proposal(one, again)
         assert "motors" not in {change.section for change in found.changes}
-        assert any("1 log says so, 2 are required" in sentence for sentence in found.silent)
+        assert any("1 log shows it, 2 are required" in sentence for sentence in found.unproposed)
     other = _timed(4, saturated(36.4), start_s=60.0)
     assert values(proposal(one, torn, other))[("motors", "Left_Knee_Pitch")] == pytest.approx(36.2)
 

@@ -43,7 +43,7 @@ def test_inspecting_a_folder_lists_what_was_not_read(folder, capsys):
 def test_a_folder_of_other_formats_alone_is_an_error_that_says_how_to_convert(folder, capsys):
     (folder / "good.bvh").unlink()
     assert main(["inspect", str(folder)]) == 1
-    assert "no motion file in it. 4 files of other formats" in capsys.readouterr().err
+    assert "it has no motion files. 4 files of other formats" in capsys.readouterr().err
 
 
 def test_every_other_kind_that_may_hold_motion_is_counted(tmp_path):

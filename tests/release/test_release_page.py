@@ -75,12 +75,12 @@ def test_a_check_that_passed_on_this_policy_has_passed():
         (result(passed="yes"), "", Status.FAILED, ""),
         (result(passed=1), "", Status.FAILED, ""),
         (result(passed=False, reasons=["vx 2.0: fell"]), "", Status.FAILED, "vx 2.0: fell"),
-        (result(policy="b" * 64), "", Status.OUTDATED, "of the policy bbbbbbbbbbbb, not of aaaaaaaaaaaa"),
-        (result(policy=None), "", Status.OUTDATED, "does not say of which policy"),
+        (result(policy="b" * 64), "", Status.OUTDATED, "the policy bbbbbbbbbbbb, not aaaaaaaaaaaa"),
+        (result(policy=None), "", Status.OUTDATED, "names no policy"),
         (result(), "its code changed", Status.OUTDATED, "its code changed"),
         (result(passed=False), "its code changed", Status.OUTDATED, "it failed when it was run"),
         (result(passed=None, policy="b" * 64), "stale", Status.NOT_RUN, ""),
-        (result(passed=None, policy="b" * 64, failed_to_run=["crashed"]), "", Status.OUTDATED, "of the policy bbbb"),
+        (result(passed=None, policy="b" * 64, failed_to_run=["crashed"]), "", Status.OUTDATED, "the policy bbbb"),
         (result(passed=None, failed_to_run=["crashed"]), "its code changed", Status.OUTDATED, "its code changed"),
     ],
 )
@@ -105,7 +105,7 @@ def test_a_part_that_was_not_run_keeps_the_page_from_being_ready():
 
 
 def test_what_failed_to_run_is_neither_failed_nor_missing_and_keeps_the_page_from_being_ready():
-    broken = "failed to run: timed out, it was ended after 120 s"
+    broken = "failed to run: timed out, it was terminated after 120 s"
     found = verdict_of("webots", result(passed=None, failed_to_run=[broken]), POLICY)
     assert (found.status, found.failed_to_run, found.not_run) == (Status.FAILED_TO_RUN, (broken,), ())
     assert dossier(found).open_points == (f"webots: {broken}",)
@@ -187,7 +187,7 @@ def test_there_is_room_for_a_signature_and_what_is_signed():
 
 
 def test_a_picture_of_another_kind_is_refused():
-    with pytest.raises(ValueError, match=r"'svg', there are: png, gif"):
+    with pytest.raises(ValueError, match=r"'svg'; kinds are: png, gif"):
         page(dossier(pictures=(Picture(caption="x", data=b"<svg>", kind="svg"),)))
 
 

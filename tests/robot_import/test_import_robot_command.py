@@ -55,7 +55,7 @@ def test_an_existing_folder_is_left_alone(tmp_path: Path, capsys: pytest.Capture
 @pytest.mark.parametrize("name", ["../t2", "T2", "2t", "a b"])
 def test_a_name_that_is_no_name_is_refused(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]):
     assert main(["import-robot", str(T1 / "t1.urdf"), "--name", name, "--out", str(tmp_path / "t2")]) == 1
-    assert "write small letters" in capsys.readouterr().err
+    assert "use lower-case letters" in capsys.readouterr().err
 
 
 def test_nothing_is_left_of_a_folder_that_could_not_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

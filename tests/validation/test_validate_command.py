@@ -78,7 +78,7 @@ def test_held_out_trials_leave_no_logs_from_which_a_database_would_learn(
     _bars(monkeypatch, 0.5)
     asked = ["validate", str(still), "--suite", "held-out", "--json", str(tmp_path / "said.json")]
     assert main([*asked, "--failures", str(tmp_path / "failures")]) == 1
-    assert "would choose the next database. Leave --failures out." in capsys.readouterr().err
+    assert "must not influence the next database. Leave out --failures." in capsys.readouterr().err
     assert not (tmp_path / "failures").exists()
     assert main(asked) == 3
     assert json.loads((tmp_path / "said.json").read_text())["suite"] == "held-out"
@@ -95,7 +95,7 @@ def test_what_passes_now_leaves_no_log_of_when_it_failed(
     (log,) = logs.iterdir()
     _bars(monkeypatch, 0.0)
     assert main(asked) == 0
-    assert f"removed, of an earlier verdict: {log}\n" in capsys.readouterr().out
+    assert f"removed (from an earlier verdict): {log}\n" in capsys.readouterr().out
     assert list(logs.iterdir()) == []
 
     _bars(monkeypatch, 0.5)
@@ -159,7 +159,7 @@ def test_a_damping_that_cannot_be_is_one_sentence(
     [
         ("none.npz", "there is no such file"),
         ("nowhere", "there is no such file or folder"),
-        ("policy.pt", "it is no npz"),
+        ("policy.pt", "it is not an npz file"),
         ("k1.npz", "k1.npz: it does not fit the robot: "),
         ("text.npz", "is not an npz of numbers"),
         ("small.npz", "the policy has 4 observations and 21 actions; robot 't1' takes 720 and 21"),

@@ -132,7 +132,7 @@ def test_the_folder_of_an_exported_policy_is_its_policy(tmp_path):
 @pytest.mark.parametrize("event", ["--push=2,20,0", "--hold=3,4", "--stop=2", "--motors-off=5,end"])
 def test_an_event_after_the_logs_end_is_refused(tmp_path, capsys, event):
     assert main(["simulate-robot", str(tmp_path / "x.mcap"), "--seconds", "2", event]) == 1
-    assert "the log ends at 2 s; lengthen it with --seconds." in capsys.readouterr().err
+    assert "the log ends at 2 s; increase --seconds." in capsys.readouterr().err
 
 
 def test_a_script_and_a_policy_exclude_each_other(tmp_path, capsys):

@@ -54,7 +54,7 @@ def test_the_robot_stands_in_the_stand_in(stood: Outcome, short_walk: WebotsSett
     for segment in outcome.result.segments:
         assert segment.walked
         assert segment.height_m == pytest.approx(robot.default_root_height, abs=0.01)
-    assert verdict(MUJOCO_STAND_IN, outcome, short_walk, STILL).reasons == ("no policy walked",)
+    assert verdict(MUJOCO_STAND_IN, outcome, short_walk, STILL).reasons == ("no policy was active",)
 
 
 def test_a_project_is_run_from_a_folder_that_is_named_from_here(
@@ -117,7 +117,7 @@ def test_a_folder_called_ode_is_not_ode(monkeypatch: pytest.MonkeyPatch, tmp_pat
     monkeypatch.delitem(sys.modules, "ode", raising=False)
     monkeypatch.delenv("BOOSTER_LAB_ODE", raising=False)
     monkeypatch.setattr("pipeline.webots.stand_in.ode_engine.DEBIAN_FOLDER", tmp_path / "none")
-    with pytest.raises(OdeNotFoundError, match=r"^ode not found \(the module 'ode' that is there is not pyode\)"):
+    with pytest.raises(OdeNotFoundError, match=r"^ode not found \(the installed module 'ode' is not pyode\)"):
         load_ode()
 
 

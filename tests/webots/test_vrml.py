@@ -58,10 +58,10 @@ def test_comments_commas_and_free_layout_are_read():
         ("Robot { }", 1, "header"),
         (HEAD + 'Robot {\n name "a"', 3, "ends inside"),
         (HEAD + 'Robot {\n name "a"\n name "b"\n}', 4, "twice"),
-        (HEAD + "Robot {\n children [ 1 }\n}", 3, "no node"),
+        (HEAD + "Robot {\n children [ 1 }\n}", 3, "is not a node"),
         (HEAD + 'Robot {\n name "never closed\n}', 3, "cannot be read"),
-        (HEAD + "robot { }", 2, "no node"),
-        (HEAD + "Robot ]", 2, "should"),
+        (HEAD + "robot { }", 2, "is not a node"),
+        (HEAD + "Robot ]", 2, "expected"),
     ],
 )
 def test_a_broken_file_is_refused_with_its_line(text: str, line: int, problem: str):

@@ -134,14 +134,14 @@ time.sleep(600)
 """
     outcome = run(tmp_path, project, short_walk, code, limit_s=3.0)
     assert outcome.status == "timed out"
-    assert outcome.reason == "it was ended after 3 s"
+    assert outcome.reason == "it was terminated after 3 s"
     started = [int(pid) for pid in pids.read_text().split()]
     assert len(started) == 2
     until = time.monotonic() + 5.0
     while any(is_running(pid) for pid in started) and time.monotonic() < until:
         time.sleep(0.05)
     assert not any(is_running(pid) for pid in started)
-    assert verdict(WEBOTS, outcome, short_walk, STILL).status == "failed to run: timed out, it was ended after 3 s"
+    assert verdict(WEBOTS, outcome, short_walk, STILL).status == "failed to run: timed out, it was terminated after 3 s"
 
 
 def test_children_do_not_outlive_a_program_that_ends(tmp_path: Path, project: Project, short_walk: WebotsSettings):
@@ -170,8 +170,8 @@ def test_a_result_counts_where_the_program_hangs_after_it(tmp_path: Path, projec
 @pytest.mark.parametrize(
     ("code", "status", "reason"),
     [
-        ("import os; os.abort()", "crashed", "it died of SIGABRT"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGRTMIN + 6)", "crashed", "it died of signal 40"),
+        ("import os; os.abort()", "crashed", "it was killed by SIGABRT"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGRTMIN + 6)", "crashed", "it was killed by signal 40"),
         ("raise SystemExit(7)", "crashed", "it ended with status 7: nothing printed"),
         ("import sys; print('no display'); sys.exit(1)", "crashed", "it ended with status 1: no display"),
         ("pass", "no result", "it ended without a result"),
@@ -192,10 +192,10 @@ def test_what_went_wrong_is_said(
     ("text", "reason"),
     [
         ("", "is empty"),
-        ("\\x00\\xff garbage {", "is no JSON"),
-        ("{" * 100_000, "is no JSON"),
-        ("[]", "no object of schema"),
-        (json.dumps({"schema": "another"}), "no object of schema"),
+        ("\\x00\\xff garbage {", "is not JSON"),
+        ("{" * 100_000, "is not JSON"),
+        ("[]", "not an object of schema"),
+        (json.dumps({"schema": "another"}), "not an object of schema"),
     ],
 )
 def test_garbage_is_called_garbage(

@@ -58,7 +58,7 @@ def test_masses_sum_to_the_published_mass(project: Project):
         (r'name "Left_Hip_Roll"', 'name "Right_Hip_Roll_2"', r"the motors are .*Right_Hip_Roll_2"),
         (r'name "Left_Hip_Roll_sensor"', 'name "hip"', r"its sensor is 'hip'"),
         (r"anchor 0 0 -0\.28", "anchor 0 0 -0.28", None),
-        (r"translation 0 0 -0\.28\n", "translation 0 0 -0.29\n", r"stands 0\.01 m from where"),
+        (r"translation 0 0 -0\.28\n", "translation 0 0 -0.29\n", r"differs from the default pose \(distance 0\.01 m\)"),
         (r"Gyro \{", "Accelerometer {", r"the inertial sensors"),
     ],
 )
@@ -176,7 +176,7 @@ def test_the_project_names_no_file_outside(project: Project):
 
 
 def test_only_stated_timesteps_are_offered(robot: Robot):
-    with pytest.raises(PipelineError, match=r"a basicTimeStep of 32 ms is not offered; choose 1 or 5 ms"):
+    with pytest.raises(PipelineError, match=r"a basicTimeStep of 32 ms is not supported; choose 1 or 5 ms"):
         robot_world(robot, timestep_ms=32.0, friction=1.0)
 
 

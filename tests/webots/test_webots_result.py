@@ -59,7 +59,7 @@ def test_a_whole_result_is_read():
         ({"segments": {"first": 1}}, "segments are not those of the plan"),
         ({"segments": [1, 2]}, "segments are not those of the plan"),
         ({"run": "b"}, "of another run"),
-        ({"schema": "booster-lab webots result 0"}, "no object of schema"),
+        ({"schema": "booster-lab webots result 0"}, "not an object of schema"),
     ],
 )
 def test_a_wrong_result_is_refused(changes: dict[str, Any], problem: str):
@@ -69,7 +69,7 @@ def test_a_wrong_result_is_refused(changes: dict[str, Any], problem: str):
 
 @pytest.mark.parametrize("number", [math.nan, math.inf])
 def test_numbers_must_be_finite(number: float):
-    with pytest.raises(ResultError, match="is no number"):
+    with pytest.raises(ResultError, match="is not a number"):
         parse_result(json.dumps(a_result(seconds=number)), "a", NAMES)
 
 
@@ -129,11 +129,14 @@ def test_a_segment_without_bars_is_not_required_and_of_none_nothing_passes(short
     assert verdict(WEBOTS, outcome, short_walk, first).status == "passed"
     assert verdict(WEBOTS, outcome, short_walk, STILL).status == "failed"
     (reason,) = verdict(WEBOTS, outcome, short_walk, {}).reasons
-    assert reason == "no segment is required (`webots` in the robot's validation.yaml is empty): nothing was shown"
+    assert (
+        reason
+        == "no segment is required (`webots` in the robot's validation.yaml is empty), so that nothing was checked"
+    )
 
 
 def test_standing_without_a_policy_is_no_pass(short_walk: WebotsSettings):
-    assert judged(short_walk, a_result(policy=False)).reasons == ("no policy walked",)
+    assert judged(short_walk, a_result(policy=False)).reasons == ("no policy was active",)
 
 
 def test_no_stand_in_is_called_webots(short_walk: WebotsSettings):

@@ -1,4 +1,4 @@
-// The page of one clip: playback, time line, reasons, criteria, lineage, weights, and the decision.
+// Page of one clip: playback, timeline, reasons, criteria, lineage, weights, decisions.
 
 import { getBytes, getJson } from "./api.js";
 import { decide, rerun } from "./decide.js";
@@ -14,7 +14,7 @@ export class ClipPage {
     this.element = el("div", { class: "page" }, this.loading);
   }
 
-  // `motions`: whether the motions are read again, too.
+  // `motions`: whether to read the motions again too.
   async load(motions = false) {
     if (motions) this.motion = undefined;
     const name = encodeURIComponent(this.clip);
@@ -22,7 +22,7 @@ export class ClipPage {
     if (details.made) {
       this.player?.stop();
       this.player = this.timeline = null;
-      this.element.replaceChildren(...passed(details));
+      this.element.replaceChildren(...derivedClips(details));
       return;
     }
     this.motion ??= await getBytes(`/api/motion?name=${name}`).then(parse, (error) => { this.why = error.message; return []; });
@@ -56,9 +56,9 @@ export class ClipPage {
       el("div", { class: "controls" },
         el("button", { class: "accept", onclick: () => decide([details.clip], "accept", details.names) }, "✓ accept"),
         el("button", { class: "exclude", onclick: () => decide([details.clip], "exclude", details.names) }, "✕ exclude"),
-        el("button", { class: "rerun", onclick: () => rerun([details.clip]), title: "every stage works on this clip again, from the recording on" }, "↺ re-run"),
+        el("button", { class: "rerun", onclick: () => rerun([details.clip]), title: "process this clip again in every stage, from the recording on" }, "↺ re-run"),
         decisions(details)),
-      this.player?.element ?? el("p", { class: "empty" }, this.why ?? "no motion of this clip was read"),
+      this.player?.element ?? el("p", { class: "empty" }, this.why ?? "this clip has no readable motion"),
       this.timeline?.canvas ?? "",
       ...reasons(details, this.player),
       ...criteria(details),
@@ -75,17 +75,17 @@ function decisions(details) {
     el("button", { onclick: () => decide([each.clip], "take back"), "aria-label": `undo ${each.clip}` }, "undo")));
 }
 
-// The page of a recording, window or variant that passed all its stages: it is in the gallery as what was made from it.
-function passed(details) {
+// Page of a recording, window or variant that passed all its stages: the gallery only has the clips derived from it.
+function derivedClips(details) {
   const [about] = details.names;
-  const more = details.count > details.made.length ? `; the first ${details.made.length} are` : "";
+  const more = details.count > details.made.length ? `; the first ${details.made.length}` : "";
   return [
     el("h1", {}, details.clip),
     el("div", { class: "controls" },
       el("button", { class: "accept", onclick: () => decide([about], "accept", details.names) }, "✓ accept"),
       el("button", { class: "exclude", onclick: () => decide([about], "exclude", details.names) }, "✕ exclude"),
       decisions(details)),
-    el("p", {}, `${details.count === 1 ? "1 clip was" : `${details.count} clips were`} made from it${more}:`),
+    el("p", {}, `${details.count === 1 ? "1 clip was" : `${details.count} clips were`} derived from it${more}:`),
     el("ul", {}, details.made.map((each) => el("li", {}, clipLink(each)))),
   ];
 }

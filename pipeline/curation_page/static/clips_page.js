@@ -1,4 +1,4 @@
-// The page of all clips: filters and histograms on the left, the gallery, and what is done with chosen clips.
+// Page of all clips: filters and histograms, the gallery, and actions on the selected clips.
 
 import { decide, rerun, runAgain } from "./decide.js";
 import { el, tell } from "./dom.js";
@@ -12,7 +12,7 @@ const PAUSE_MS = 120;
 const PIECE_MS = 6;
 
 export class ClipsPage {
-  // `kept`: what this page had before the table was read again.
+  // `kept`: state of this page before the table was read again.
   constructor(table, query, kept) {
     this.table = table;
     this.state = kept ? structuredClone(kept.state) : stated(query);
@@ -51,7 +51,7 @@ export class ClipsPage {
     });
     this.sort = el("select", { name: "sort", onchange: () => { this.sortBy(this.sort.value); } },
       el("option", { value: "clip" }, "name"), table.figures.map((figure) => el("option", { value: figure.name }, figure.name.replaceAll("_", " "))));
-    this.turn = el("button", { title: "turn the order round", onclick: () => { this.state.descending = !this.state.descending; this.update(); } });
+    this.turn = el("button", { title: "reverse the order", onclick: () => { this.state.descending = !this.state.descending; this.update(); } });
     this.histograms = table.figures.map((figure) => new Histogram(figure, {
       onRange: (each, range) => { if (range) this.state.ranges[each.name] = range; else delete this.state.ranges[each.name]; this.update(); },
       onSort: (each) => this.sortBy(each.name),
@@ -71,7 +71,7 @@ export class ClipsPage {
       el("button", { class: "accept", onclick: () => this.decide("accept") }, "✓ accept"),
       el("button", { class: "exclude", onclick: () => this.decide("exclude") }, "✕ exclude"),
       el("button", { onclick: () => this.decide("take back") }, "undo decision"),
-      el("button", { class: "rerun", onclick: () => rerun(this.chosenClips()), title: "every stage works on these clips again, from the recording on" }, "↺ re-run"),
+      el("button", { class: "rerun", onclick: () => rerun(this.chosenClips()), title: "process these clips again in every stage, from the recording on" }, "↺ re-run"),
     ];
     return [
       el("aside", { class: "sidebar" }, this.search,
@@ -80,7 +80,7 @@ export class ClipsPage {
         el("button", { onclick: () => this.clear() }, "clear filters"),
         [...groups].map(([group, histograms]) => el("section", {}, el("h2", {}, group), histograms.map((each) => each.element)))),
       el("section", { class: "gallery" }, el("div", { class: "bar" }, this.count, this.all, this.acts,
-        el("button", { onclick: runAgain, title: "dagster asset materialize: whatever a decision or a setting made stale" }, "↻ materialize")), this.gallery.element),
+        el("button", { onclick: runAgain, title: "run dagster asset materialize: update everything that decisions or settings made stale" }, "↻ materialize")), this.gallery.element),
     ];
   }
 
@@ -109,7 +109,7 @@ export class ClipsPage {
     this.showCounts();
   }
 
-  // Histograms, counts and the address follow once the person pauses, one piece at a time: the next key or click never waits.
+  // Update histograms, counts and the address after a pause, in short pieces, so that the next key or click is not delayed.
   later(indices, figure) {
     const shown = indices.length === this.table.count ? null : indices;
     const pieces = [
@@ -128,16 +128,16 @@ export class ClipsPage {
 
   fillSelect(facet, select, indices) {
     const counts = this.table.countsOf(facet, indices);
-    const wanted = this.state.texts[facet];
-    if (wanted !== undefined && !counts.some(([name]) => name === wanted)) counts.push([wanted, 0]);  // no clip has it any more
+    const selected = this.state.texts[facet];
+    if (selected !== undefined && !counts.some(([name]) => name === selected)) counts.push([selected, 0]);  // no clip has this value now
     select.replaceChildren(el("option", { value: "" }, "all"), ...counts
       .map(([name, count], place) => [name, count, place])
-      .filter(([name, count]) => count || name === wanted)
-      .map(([name, count, place]) => el("option", { value: String(place + 1), selected: name === wanted }, `${name || "none"} (${count})`)));
+      .filter(([name, count]) => count || name === selected)
+      .map(([name, count, place]) => el("option", { value: String(place + 1), selected: name === selected }, `${name || "none"} (${count})`)));
   }
 
-  // The address shows the filters, so that a view can be kept as a bookmark and linked. It is left alone where a click has
-  // led to another page already, whose own event comes a moment later.
+  // Write the filters to the address, so that a view can be bookmarked and linked. Do nothing if a click has already led to
+  // another page, whose hashchange event follows.
   remember() {
     if (/^(#\/?)?(\?|$)/.test(location.hash)) history.replaceState(null, "", this.address);
   }
@@ -159,13 +159,13 @@ export class ClipsPage {
   decide(verdict) {
     if (verdict !== "take back") return decide(this.chosenClips(), verdict);
     const decided = this.chosenClips().filter((clip) => this.table.text("decision", this.table.place.get(clip)));
-    return decided.length ? decide(decided, verdict) : tell("none of the selected clips has a decision of its own", true);
+    return decided.length ? decide(decided, verdict) : tell("none of the selected clips has its own decision", true);
   }
 
   chosenClips() { return [...this.gallery.chosen].map((index) => this.table.clip[index]); }
 }
 
-// The filters that an address has; an end of a range that it does not state is open.
+// Filters in an address; a missing end of a range is infinite.
 function stated(query) {
   const texts = Object.fromEntries(FACETS.filter((facet) => query.has(facet)).map((facet) => [facet, query.get(facet)]));
   const ranges = Object.fromEntries(query.getAll("range").map((text) => {

@@ -1,12 +1,12 @@
-// Decisions on clips: asked for with a reason, written by the server, told to the pages that show them.
+// Decisions on clips: a dialog for the reason, the request to the server, and an event that updates the pages.
 
 import { attempt, change, person } from "./api.js";
 import { el, tell } from "./dom.js";
 
 const dialog = document.getElementById("dialog");
 
-// Ask for the fields of a form and do what they are for; it stays open, with all that was typed, until that has worked.
-// `work` gets the values and resolves to what is told then.
+// Show a form and call `work` with its values. The form stays open, with its input, until `work` succeeds; `work` resolves
+// to the message to show.
 function ask(title, fields, action, work) {
   const inputs = fields.map(({ label, options }) => {
     const input = options ? el("select", {}, options.map((each) => el("option", { value: each }, each))) : el("input", { maxLength: 400 });
@@ -32,17 +32,17 @@ function ask(title, fields, action, work) {
   inputs[0]?.input.focus();
 }
 
-// Accept, exclude or take back decisions on clips. `names`: what else the decision may be about (window, recording).
+// Accept or exclude clips, or undo decisions. `names`: alternatives that the decision can apply to (window, recording).
 export async function decide(clips, verdict, names = []) {
   await attempt(async () => {
     if (verdict === "take back") {
       await change("take_back", { clips });
-      changed(`${count(clips)}: the decision is taken back; materialize to see its effect`);
+      changed(`${count(clips)}: decision removed; materialize to apply it`);
       return;
     }
     const by = person();
-    const scope = names.length > 1 ? [{ label: "what the decision is about", options: names }] : [];
-    ask(`${verdict} ${count(clips)}`, [{ label: "why" }, ...scope], verdict, async (why, what) => {
+    const scope = names.length > 1 ? [{ label: "apply to", options: names }] : [];
+    ask(`${verdict} ${count(clips)}`, [{ label: "reason" }, ...scope], verdict, async (why, what) => {
       if (!why) throw new Error("a decision needs a reason");
       const about = what ? [what] : clips;
       await change("decide", { clips: about, verdict, by, why });
@@ -58,11 +58,11 @@ export async function runAgain() {
   });
 }
 
-// Send clips through all their stages again, from the recording on, whether or not their answers are known.
+// Process clips again in all stages, from the recording on, although their results are cached.
 export async function rerun(clips) {
   await attempt(async () => {
     const started = await change("rerun", { clips });
-    tell(`${started === 1 ? clips[0] : `${started} clips`}: every stage works on it again`);
+    tell(`re-run of ${started === 1 ? clips[0] : `${started} clips`} started`);
     document.dispatchEvent(new CustomEvent("run-started"));
   });
 }

@@ -1,4 +1,4 @@
-// Every decision on clips, as data/curation.yaml has them, each of which can be taken back.
+// All decisions on clips in data/curation.yaml, with a button to undo each.
 
 import { getJson } from "./api.js";
 import { decide } from "./decide.js";
@@ -14,8 +14,8 @@ export class DecisionsPage {
   async load() {
     const found = await getJson("/api/decisions");
     this.element.replaceChildren(el("h1", {}, "Decisions"),
-      el("p", { class: "quiet" }, "In data/curation.yaml. An excluded recording or window is left out by KP1, an excluded variant or rollout by KP5, when the database is materialized."),
-      found.length ? table(["clip", "decision", "by", "day", "why", ""], found.map((each) => [clipLink(each.clip), el("span", { class: each.verdict }, each.verdict), each.by, each.day, each.why,
-        el("button", { onclick: () => decide([each.clip], "take back"), "aria-label": `undo ${each.clip}` }, "undo")])) : el("p", { class: "empty" }, "No decision was made yet."));
+      el("p", { class: "quiet" }, "Stored in data/curation.yaml. When the database is materialized, KP1 leaves out excluded recordings and windows, and KP5 leaves out excluded variants and rollouts."),
+      found.length ? table(["clip", "decision", "by", "day", "reason", ""], found.map((each) => [clipLink(each.clip), el("span", { class: each.verdict }, each.verdict), each.by, each.day, each.why,
+        el("button", { onclick: () => decide([each.clip], "take back"), "aria-label": `undo ${each.clip}` }, "undo")])) : el("p", { class: "empty" }, "There are no decisions yet."));
   }
 }

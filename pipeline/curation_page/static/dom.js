@@ -1,4 +1,4 @@
-// Elements are made here and nowhere else: text goes in as text, so markup in names and reasons stays text.
+// Only this module creates elements. Strings are inserted as text nodes, so markup in names and reasons is never parsed.
 
 export function el(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
@@ -20,7 +20,7 @@ export function table(header, rows, numeric = []) {
     el("tbody", {}, rows.map((row) => el("tr", {}, row.map((cell, place) => el("td", { class: kind(place) }, cell ?? ""))))));
 }
 
-// A measured number with a few digits; a whole one, such as a frame's, with all of its digits.
+// Format a number: integers with all digits, others with `digits` significant digits.
 export function number(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   return String(Number.isInteger(value) ? value : Number(value.toPrecision(digits)));

@@ -1,4 +1,4 @@
-// The grid of clips. Only the cards in view exist; they are used again while one scrolls.
+// Grid of clips. Only cards in view exist; scrolling reuses them.
 
 import { el, number, seconds } from "./dom.js";
 
@@ -14,13 +14,13 @@ export class Gallery {
     this.free = [];
     this.spacer = el("div");
     this.element = el("div", { class: "grid", tabIndex: 0, role: "list", "aria-label": "clips" }, this.spacer);
-    [this.width, this.height, this.top] = [0, 0, 0];  // as last measured: asking for them makes the browser lay out at once
+    [this.width, this.height, this.top] = [0, 0, 0];  // cached: reading them from the element forces a layout
     this.element.addEventListener("scroll", () => {
       this.top = this.element.scrollTop;
       thumbnails.quietUntil = performance.now() + 150;
       this.schedule();
     });
-    this.element.addEventListener("focusout", () => this.schedule());  // a card that was kept for its focus is free now
+    this.element.addEventListener("focusout", () => this.schedule());  // a card that was kept because it had the focus can be reused
     this.observer = new ResizeObserver(() => {
       [this.width, this.height] = [this.element.clientWidth, this.element.clientHeight];
       this.render();
@@ -38,7 +38,7 @@ export class Gallery {
     this.render();
   }
 
-  // Scroll to where an earlier gallery was; for a gallery that the page has.
+  // Restore a scroll position; the gallery must be attached to the page.
   goTo(top) {
     [this.width, this.height] = [this.element.clientWidth, this.element.clientHeight];
     this.render();
@@ -62,13 +62,13 @@ export class Gallery {
     const last = Math.min(Math.ceil((top + this.height) / pitch) * columns, this.indices.length);
     for (const [place, card] of this.cards) {
       if (place >= first && place < last) continue;
-      if (card.index >= 0 && card.element.contains(document.activeElement)) continue;  // it must not become another clip's
+      if (card.index >= 0 && card.element.contains(document.activeElement)) continue;  // keep the focused card on its clip
       this.cards.delete(place);
       card.element.remove();
       this.free.push(card);
     }
     for (let place = first; place < last; place += 1) {
-      const card = this.cards.get(place) ?? this.taken(place);
+      const card = this.cards.get(place) ?? this.takeCard(place);
       card.element.style.transform = `translate(${GAP + (place % columns) * (CARD_WIDTH + GAP)}px, ${GAP + Math.floor(place / columns) * pitch}px)`;
       if (card.index !== this.indices[place]) this.fill(card, this.indices[place]);
       card.element.classList.toggle("chosen", this.chosen.has(card.index));
@@ -82,8 +82,8 @@ export class Gallery {
     }
   }
 
-  // The elements follow one another as the clips do, for the Tab key. Only those that are new are put in their places: moving
-  // the one that has the focus would take it away.
+  // Keep the elements in the order of the clips, for the Tab key. Only new elements are inserted, because moving the focused
+  // one would remove its focus.
   inOrder() {
     let next = null;
     for (const [, { element }] of [...this.cards].sort(([one], [two]) => two - one)) {
@@ -92,13 +92,13 @@ export class Gallery {
     }
   }
 
-  taken(place) {
-    const card = this.free.pop() ?? this.made();
+  takeCard(place) {
+    const card = this.free.pop() ?? this.makeCard();
     this.cards.set(place, card);
     return card;
   }
 
-  made() {
+  makeCard() {
     const card = { index: -1 };
     card.canvas = el("canvas", { width: Math.round(220 * SHARP), height: Math.round(124 * SHARP), onclick: () => this.onOpen(card.index) });
     card.box = el("input", { type: "checkbox", onclick: (event) => this.choose(card.index, event.shiftKey) });
@@ -134,10 +134,10 @@ export class Gallery {
     card.box.setAttribute("aria-label", `select ${table.clip[index]}`);
   }
 
-  // With the shift key everything from the last one that was chosen.
+  // Toggle a clip; with the Shift key, all clips from the last one to this one.
   choose(index, range) {
     const place = this.indices.indexOf(index);
-    const last = range ? this.indices.indexOf(this.last) : -1;  // it may have moved, or be filtered out
+    const last = range ? this.indices.indexOf(this.last) : -1;  // -1 if it is filtered out
     const from = last >= 0 ? last : place;
     const take = !this.chosen.has(index);
     for (let each = Math.min(from, place); each <= Math.max(from, place); each += 1) {

@@ -1,4 +1,4 @@
-// A figure's histogram with its threshold; drag over it to keep a range, click the title to sort by it.
+// Histogram of a figure with its threshold. Drag to filter by a range, click the title to sort.
 
 import { el, number } from "./dom.js";
 import { ends, histogram } from "./table.js";
@@ -15,7 +15,7 @@ export class Histogram {
     this.mark = el("span", { class: "quiet" });
     const [low, high] = ends(figure);
     this.element = el("div", { class: "figure", "data-figure": figure.name },
-      el("div", { class: "title" }, el("button", { title: "sort by it, the worst first", onclick: () => onSort(figure) }, figure.name.replaceAll("_", " ")), this.mark),
+      el("div", { class: "title" }, el("button", { title: "sort by this figure, worst first", onclick: () => onSort(figure) }, figure.name.replaceAll("_", " ")), this.mark),
       this.canvas,
       el("div", { class: "ends" }, el("span", {}, number(low)), el("span", {}, limits(figure)), el("span", {}, `${number(high)} ${figure.unit}`)));
     this.all = histogram(figure, null, BINS);

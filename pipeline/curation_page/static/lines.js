@@ -1,4 +1,4 @@
-// Figures of thick lines (pipeline/curation_page/line_figure.py), read and drawn on a canvas.
+// Decode line figures (pipeline/curation_page/line_figure.py) and draw them on a canvas.
 
 const MISSING = -32768;
 const CONTACT = "#2ca02c";
@@ -20,7 +20,7 @@ export function frameAt(figure, time) {
   return Math.min(Math.max(Math.round(time * figure.fps), 0), figure.frames - 1);
 }
 
-// Middle of a figure on the ground in a frame [m]; null where all of it is missing.
+// Horizontal centre of a figure in a frame [m]; null if all parts are missing.
 export function middle(figure, frame) {
   const { steps, lines, step } = figure;
   let x = 0, y = 0, count = 0;
@@ -33,7 +33,7 @@ export function middle(figure, frame) {
   return count ? [(x / count) * step, (y / count) * step] : null;
 }
 
-// Highest point in the first frame that has one [m].
+// Height of the highest point in the first frames [m].
 export function height(figure) {
   let most = 0;
   for (let at = 2; at < Math.min(figure.steps.length, figure.lines * 60); at += 3) most = Math.max(most, figure.steps[at]);
@@ -44,15 +44,15 @@ export function inContact(figure, foot, time) {
   return foot >= 0 && figure.contacts !== null && figure.contacts[foot].some(([start, stop]) => start <= time && time < stop);
 }
 
-// Camera: azimuth and elevation [rad], scale [pixels / m], the point [m] that is at (x, y) [pixels].
+// `camera`: azimuth and elevation [rad], scale [pixels/m], and `focus`, the point [m] that appears at (x, y) [pixels].
 export function draw(context, figure, frame, camera) {
   const { steps, lines, step } = figure;
   const [sa, ca, sp, cp] = [Math.sin(camera.azimuth), Math.cos(camera.azimuth), Math.sin(camera.elevation), Math.cos(camera.elevation)];
   const [fx, fy, fz] = camera.focus;
   const project = (at) => {
     const x = steps[at] * step - fx, y = steps[at + 1] * step - fy, z = steps[at + 2] * step - fz;
-    const ahead = -sa * x + ca * y;
-    return [camera.x + camera.scale * (ca * x + sa * y), camera.y - camera.scale * (sp * ahead + cp * z), cp * ahead - sp * z];
+    const forward = -sa * x + ca * y;
+    return [camera.x + camera.scale * (ca * x + sa * y), camera.y - camera.scale * (sp * forward + cp * z), cp * forward - sp * z];
   };
   const time = frame / figure.fps;
   const feet = [inContact(figure, 0, time), inContact(figure, 1, time)];
@@ -86,8 +86,8 @@ export function drawGround(context, camera, reach = 2.5, spacing = 0.5) {
   const [sa, ca, sp, cp] = [Math.sin(camera.azimuth), Math.cos(camera.azimuth), Math.sin(camera.elevation), Math.cos(camera.elevation)];
   const project = (x, y) => {
     const [dx, dy] = [x - camera.focus[0], y - camera.focus[1]];
-    const ahead = -sa * dx + ca * dy;
-    return [camera.x + camera.scale * (ca * dx + sa * dy), camera.y - camera.scale * (sp * ahead - cp * camera.focus[2])];
+    const forward = -sa * dx + ca * dy;
+    return [camera.x + camera.scale * (ca * dx + sa * dy), camera.y - camera.scale * (sp * forward - cp * camera.focus[2])];
   };
   const first = (value) => Math.ceil((value - reach) / spacing) * spacing;
   context.strokeStyle = "#d5d8de";
@@ -104,7 +104,7 @@ export function drawGround(context, camera, reach = 2.5, spacing = 0.5) {
   context.stroke();
 }
 
-// From the front right, at the heading that the clip starts with.
+// Azimuth of a view from the front right of the figure at its first heading [rad].
 export function frontRight(figure) {
   return figure.heading + (40 * Math.PI) / 180;
 }

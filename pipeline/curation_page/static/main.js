@@ -1,4 +1,4 @@
-// Which page is shown, by the address's fragment; the table of clips is read once and again when it changed.
+// Shows the page that the fragment of the address names; reads the clip table once, and again after changes.
 
 import { attempt, getJson } from "./api.js";
 import { ClipPage } from "./clip_page.js";
@@ -11,7 +11,7 @@ import { RunState } from "./run_state.js";
 import { ClipTable } from "./table.js";
 
 const main = document.getElementById("main");
-const places = new Map();  // address of a view of all clips -> what it had when it was left, for the way back
+const places = new Map();  // address of a view of all clips -> its state when it was left, for the back button
 let page = null;
 let table = null;
 let shown = 0;
@@ -22,12 +22,12 @@ async function clips() {
   return table;
 }
 
-// `kept`: what the page of all clips had before the table was read again.
+// `kept`: state of the page of all clips before the table was read again.
 async function show(kept = places.get(location.hash)) {
   const mine = (shown += 1);
   const [path, query = ""] = location.hash.replace(/^#/, "").split("?");
   const [, name = "", ...rest] = path.split("/");
-  const next = await attempt(() => made(name, rest.join("/"), new URLSearchParams(query), kept));
+  const next = await attempt(() => makePage(name, rest.join("/"), new URLSearchParams(query), kept));
   if (mine !== shown || !next) return;
   if (page?.kept) places.set(page.address, page.kept(true));
   page?.leave();
@@ -39,13 +39,13 @@ async function show(kept = places.get(location.hash)) {
   document.body.dataset.shown = `${name || "clips"} ${mine}`;
 }
 
-async function made(name, rest, query, kept) {
+async function makePage(name, rest, query, kept) {
   if (name === "clip") return new ClipPage(decodeURIComponent(rest));
   if (name === "databases") return new DatabasesPage();
   if (name === "proposals") return new ProposalsPage();
   if (name === "decisions") return new DecisionsPage();
   const found = await clips();
-  if (!found.count) return { element: el("p", { class: "empty" }, `The graph has made no clips yet. Run: dagster asset materialize --select ${found.database}`), leave() {} };
+  if (!found.count) return { element: el("p", { class: "empty" }, `There are no clips yet. Run: dagster asset materialize --select ${found.database}`), leave() {} };
   return new ClipsPage(found, query, kept);
 }
 
@@ -54,13 +54,13 @@ document.addEventListener("decisions-changed", () => again(false));
 new RunState(() => again(true, true), () => again(true));
 show();
 
-// Show what is there now, one time after the other: an older answer that comes late would show what was.
+// Update the page, one update after the other, so that a late response never shows outdated data.
 function again(...what) {
   const next = () => renew(...what);
   renewed = renewed.then(next, next);
 }
 
-// What a person was at stays: filters, place, playback, the focus and, if `selected`, the selected clips.
+// Read the data again. Keeps filters, scroll position, playback, focus and, if `selected`, the selected clips.
 async function renew(selected, motions = false) {
   table = null;
   const focused = main.contains(document.activeElement) ? document.activeElement : null;
@@ -69,7 +69,7 @@ async function renew(selected, motions = false) {
   if (focused && !focused.isConnected && document.activeElement === document.body) sameControl(focused).focus({ preventScroll: true });
 }
 
-// The control that has taken the place of another one; of one that is gone, or that several look like, the page itself.
+// The new control that corresponds to a replaced one; the page itself if there is none or more than one.
 function sameControl(gone) {
   const name = (each) => `${each.className} ${each.name ?? ""} ${each.getAttribute("aria-label") ?? each.textContent}`;
   const found = [...main.querySelectorAll(gone.tagName)].filter((each) => !each.disabled && name(each) === name(gone));

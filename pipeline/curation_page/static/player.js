@@ -1,4 +1,4 @@
-// Playback of a clip's figures side by side: one clock, one camera, turned by dragging, nearer by the wheel.
+// Playback of a clip's figures side by side with a common clock and camera. Drag to turn, scroll to zoom.
 
 import { el, seconds } from "./dom.js";
 import { draw, drawGround, frameAt, frontRight, height, middle } from "./lines.js";
@@ -28,7 +28,7 @@ export class Player {
     this.follow = el("input", { type: "checkbox", checked: true, onchange: () => this.show() });
     this.element = el("div", {},
       el("div", { class: "stages" }, figures.map((figure, place) => el("figure", {}, this.canvases[place], el("figcaption", {}, figure.name)))),
-      el("div", { class: "controls" }, this.play, this.slider, this.clock, el("label", {}, "speed ", this.speed), el("label", {}, this.follow, " stay in place")));
+      el("div", { class: "controls" }, this.play, this.slider, this.clock, el("label", {}, "speed ", this.speed), el("label", {}, this.follow, " follow")));
     this.last = performance.now();
     this.running = true;
     const tick = (now) => {
@@ -46,7 +46,7 @@ export class Player {
 
   stop() { this.running = false; }
 
-  // Go on as another player of the same clip: time, speed and camera.
+  // Take over time, speed and camera from another player of the same clip.
   takeOver({ time, playing, turned, elevation, zoom, speed, follow }) {
     Object.assign(this, { turned, elevation, zoom });
     this.speed.value = speed.value;

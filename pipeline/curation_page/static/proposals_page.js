@@ -1,4 +1,4 @@
-// Proposed changes with their evidence; approved or declined by their digest, with a name.
+// Proposed changes with their evidence, and buttons to approve or decline them by the digest of the proposal.
 
 import { attempt, change, getJson, person } from "./api.js";
 import { changed } from "./decide.js";
@@ -16,13 +16,13 @@ export class ProposalsPage {
     const sections = [...new Set(found.changes.map((each) => each.section))];
     this.element.replaceChildren(
       el("h1", {}, "Proposals"),
-      el("p", { class: "quiet" }, "What the failures in data/hardware_logs ask for, bounded by data/feedback_rules.yaml. Nothing takes effect before a person approves it; then materialize."),
+      el("p", { class: "quiet" }, "Changes proposed from the failures in data/hardware_logs, bounded by data/feedback_rules.yaml. A change takes effect after you approve it and materialize the database."),
       ...found.faults.map((fault) => el("p", { class: "rejected" }, fault)),
-      found.proposal ? el("p", {}, "proposal ", el("code", {}, found.proposal)) : el("p", { class: "empty" }, found.missing || "Nothing is proposed."),
+      found.proposal ? el("p", {}, "proposal ", el("code", {}, found.proposal)) : el("p", { class: "empty" }, found.missing || "There are no proposed changes."),
       ...sections.map((section) => this.section(found, section)),
-      ...(found.approved.length ? [el("h2", {}, "Approved"), table(["part", "by", "proposal", "changes", ""], found.approved.map((each) => [each.section, each.by, each.proposal, String(each.changes),
-        el("button", { onclick: () => this.answer("take_back_sections", { sections: [each.section] }, "taken back"), "aria-label": `take back ${each.section}` }, "take back")]), [3])] : []),
-      ...(found.lingering.length ? [el("h2", {}, "Approved, proposed no longer"), ...found.lingering.map(shown)] : []),
+      ...(found.approved.length ? [el("h2", {}, "Approved"), table(["section", "by", "proposal", "changes", ""], found.approved.map((each) => [each.section, each.by, each.proposal, String(each.changes),
+        el("button", { onclick: () => this.answer("take_back_sections", { sections: [each.section] }, "revoked"), "aria-label": `take back ${each.section}` }, "take back")]), [3])] : []),
+      ...(found.lingering.length ? [el("h2", {}, "Approved, no longer proposed"), ...found.lingering.map(shown)] : []),
     );
   }
 
@@ -48,8 +48,8 @@ export class ProposalsPage {
 function shown(each) {
   const answer = { approved: "accepted", declined: "rejected", pending: "quiet" }[each.answer];
   return el("div", { class: "change" },
-    el("div", {}, el("strong", {}, each.what), ` (${each.robot}): ${number(each.before)} → `, el("strong", {}, number(each.value)), `, bound ${number(each.bound)}, by ${each.counted} `,
-      el("span", { class: answer }, each.answer), each.demonstration ? el("span", { class: "quiet" }, " rests on the shipped demonstration alone") : ""),
+    el("div", {}, el("strong", {}, each.what), ` (${each.robot}): ${number(each.before)} → `, el("strong", {}, number(each.value)), `, limit ${number(each.bound)}, evidence: ${each.counted} `,
+      el("span", { class: answer }, each.answer), each.demonstration ? el("span", { class: "quiet" }, " based only on the shipped demonstration logs") : ""),
     table(["log", "trial", "policy", "evidence"], each.evidence.map((one) => [
       el("span", { title: `SHA-256 ${one.sha256}` }, one.log, one.simulated ? " (simulated)" : ""), one.trial, el("code", { title: one.policy }, one.policy.slice(0, 12)), one.text])));
 }

@@ -1,4 +1,4 @@
-// The run that is at work: stage, clips done, time left, and its output; and how many thumbnails there are.
+// State of the run in progress (stage, clips done, time left, output) and progress of the thumbnails.
 
 import { attempt, change, getJson } from "./api.js";
 import { el, tell } from "./dom.js";
@@ -11,7 +11,7 @@ const dialog = document.getElementById("dialog");
 const STOPPED = "the run was stopped";
 
 export class RunState {
-  // `onManifests`: called when a run has changed the clips; `onAnswers`: when decisions or proposals changed, wherever.
+  // `onManifests`: called after a run changed the clips. `onAnswers`: called after any program changed decisions or proposals.
   constructor(onManifests, onAnswers) {
     Object.assign(this, { onManifests, onAnswers });
     [this.version, this.answers] = [null, null];
@@ -26,16 +26,16 @@ export class RunState {
     clearTimeout(this.timer);
     const state = await getJson("/api/state").catch(() => null);
     if (state) this.show(state);
-    else place.textContent = "the server has ended";
+    else place.textContent = "the server does not respond";
     this.timer = setTimeout(() => this.poll(), state?.at_work ? 700 : 3000);
   }
 
   show(state) {
     dagster.href = `http://127.0.0.1:3000/assets/${state.database}`;
-    const { made, wanted } = state.thumbnails;
-    thumbnails.textContent = made < wanted ? `thumbnails ${made} of ${wanted}` : "";
+    const { made, total } = state.thumbnails;
+    thumbnails.textContent = made < total ? `thumbnails ${made} of ${total}` : "";
     if (this.atWork && !state.at_work && state.run) {
-      tell(state.status === 0 ? outcome(state.rerun) : state.stopped ? STOPPED : "the run failed; its output tells why", state.status !== 0);
+      tell(state.status === 0 ? outcome(state.rerun) : state.stopped ? STOPPED : "the run failed; see its output", state.status !== 0);
     }
     if (this.version !== null && state.version !== this.version && !state.at_work) this.onManifests();
     else if (this.answers !== null && state.answers !== this.answers) this.onAnswers();
@@ -60,14 +60,14 @@ export class RunState {
   }
 }
 
-// What came of the run. A clip's result is its verdict, its reasons, its figures and its motion.
+// Message about a finished run. The result of a clip is its verdict, reasons, figures and motion.
 function outcome(rerun, named = true) {
   if (!rerun) return named ? "the run has ended: the database is up to date" : "materialized";
-  if (rerun.error) return `re-run, but the result can't be read: ${rerun.error}`;
+  if (rerun.error) return `re-run ended, but its result can't be read: ${rerun.error}`;
   const names = (clips, count) => (named ? ` (${clips.join(", ")}${count > clips.length ? " …" : ""})` : "");
   const part = ({ count, clips }, what) => (count ? [`${count} ${what}${names(clips, count)}`] : []);
   const parts = [...(rerun.unchanged.count ? [`${rerun.unchanged.count} with the same result`] : []),
-    ...part(rerun.changed, "with another result"), ...part(rerun.gone, "gone")];
+    ...part(rerun.changed, "with a different result"), ...part(rerun.gone, "missing")];
   return `re-run of ${rerun.clips}: ${parts.join("; ")}`;
 }
 

@@ -1,4 +1,4 @@
-// The table of clips: columns as typed arrays; filter, sort and histograms over them.
+// Clip table with typed arrays as columns: filters, sorting, histograms.
 
 export class ClipTable {
   constructor(columns) {
@@ -23,22 +23,22 @@ export class ClipTable {
     return column.names[column.codes[index]];
   }
 
-  // Clips that hold all conditions, in order. `ranges`: figure -> [low, high]; `texts`: facet -> value.
+  // Indices of the clips that meet all filters, sorted. `ranges`: figure -> [low, high]; `texts`: facet -> value.
   chosen({ query = "", texts = {}, ranges = {}, sort = "clip", descending = false }) {
     const words = query.toLowerCase().split(/\s+/).filter(Boolean);
-    const wanted = Object.entries(texts).map(([name, value]) => [this.texts[name]?.codes, this.texts[name]?.names.indexOf(value)]);
-    if (wanted.some(([codes]) => codes === undefined)) return new Uint32Array(0);
+    const filters = Object.entries(texts).map(([name, value]) => [this.texts[name]?.codes, this.texts[name]?.names.indexOf(value)]);
+    if (filters.some(([codes]) => codes === undefined)) return new Uint32Array(0);
     const bounds = Object.entries(ranges).filter(([name]) => this.byName.has(name)).map(([name, range]) => [this.byName.get(name).values, ...range]);
     const kept = new Uint8Array(this.count);
     for (let index = 0; index < this.count; index += 1) {
-      if (wanted.every(([codes, code]) => codes[index] === code)
+      if (filters.every(([codes, code]) => codes[index] === code)
         && bounds.every(([values, low, high]) => values[index] >= low && values[index] <= high)
         && words.every((word) => this.lower[index].includes(word))) kept[index] = 1;
     }
     return this.order(sort, descending).filter((index) => kept[index]);
   }
 
-  // All clips in an order, worked out once; those without the figure come last.
+  // Indices of all clips in sorted order (cached); clips without the figure come last.
   order(sort, descending) {
     const key = `${sort} ${descending}`;
     this.orders ??= new Map();
@@ -62,7 +62,7 @@ export class ClipTable {
   }
 }
 
-// Ends of a histogram: the middle 99 % of the values, and the thresholds.
+// Range of a histogram: the central 99 % of the values, extended to the thresholds.
 export function ends(figure) {
   if (figure.ends) return figure.ends;
   const known = Float64Array.from(figure.values.filter((value) => !Number.isNaN(value))).sort();

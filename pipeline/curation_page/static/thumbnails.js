@@ -1,4 +1,4 @@
-// Thumbnails of the clips in view: fetched a few at a time, kept in memory, drawn in turns.
+// Thumbnails of the clips in view: fetched a few at a time, cached in memory, drawn in turn.
 
 import { draw, frontRight, height, middle, parse } from "./lines.js";
 
@@ -21,11 +21,11 @@ export class Thumbnails {
 
   stop() { clearInterval(this.timer); }
 
-  // The cards in view: {key, canvas}. What is not in view any more is not fetched.
+  // Set the cards in view ({key, canvas}). Pending fetches for other cards are dropped.
   show(cards) {
     this.cards = cards;
-    const wanted = new Set(cards.map((card) => card.key));
-    for (const key of this.waiting.keys()) if (!wanted.has(key)) this.waiting.delete(key);
+    const visible = new Set(cards.map((card) => card.key));
+    for (const key of this.waiting.keys()) if (!visible.has(key)) this.waiting.delete(key);
     this.due.clear();
     for (const card of cards) {
       if (this.figures.has(card.key)) this.due.add(card);
@@ -39,7 +39,7 @@ export class Thumbnails {
     this.paintSoon();
   }
 
-  // What has to be painted is spread over frames, so that scrolling and filtering never wait for it.
+  // Spread painting over several frames, so that it does not delay scrolling and filtering.
   paintSoon() {
     if (this.painting || !this.due.size) return;
     this.painting = true;
@@ -109,7 +109,7 @@ export class Thumbnails {
     if (!drawn) {
       context.fillStyle = "#889";
       context.font = `${Math.round(tall / 11)}px sans-serif`;
-      context.fillText("no motion was read", 12, tall / 2);
+      context.fillText("no readable motion", 12, tall / 2);
     }
   }
 }

@@ -1,4 +1,4 @@
-// The time line of a clip: foot contacts, what went on into the database, and where each criterion fails.
+// Timeline of a clip: foot contacts, parts in the database, and where each criterion fails.
 
 import { el, number } from "./dom.js";
 

@@ -67,7 +67,7 @@ def mujoco_scene(scene: SceneModel) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep, spec.option.gravity = scene.timestep_ms / 1000.0, [0.0, 0.0, -scene.gravity]
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a diverged state must not be reset
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a diverged state must stay visible
     spec.worldbody.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,

@@ -32,7 +32,7 @@ class OdeNotFoundError(PipelineError):
 
 
 def load_ode() -> Any:
-    """The file of pyode alone: installed, of the folder `BOOSTER_LAB_ODE`, or Debian's. Raises OdeNotFoundError."""
+    """Load pyode: installed, from the folder `BOOSTER_LAB_ODE`, or Debian's. Raises OdeNotFoundError."""
     try:
         return _with_worlds(importlib.import_module("ode"))
     except ImportError as error:
@@ -53,7 +53,7 @@ def load_ode() -> Any:
 def _with_worlds(module: Any) -> Any:
     """The module, if it is pyode and not a folder of the same name."""
     if not hasattr(module, "World"):
-        raise ImportError("the module 'ode' that is there is not pyode")
+        raise ImportError("the installed module 'ode' is not pyode")
     return module
 
 

@@ -87,7 +87,7 @@ class Robot:
 
     def step(self, duration: int) -> int:
         if duration <= 0 or duration % self._step_ms:
-            raise ValueError(f"a step of {duration} ms is no multiple of {self._step_ms:g} ms")
+            raise ValueError(f"a step of {duration} ms is not a multiple of {self._step_ms:g} ms")
         self._send({"step": duration, "torque": self._torque, "enabled": self._enabled})
         answer = self._receive()
         if answer.get("end"):
