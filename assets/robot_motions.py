@@ -85,7 +85,7 @@ def retargeted_motions(
 ):
     """KP3: human motions retargeted onto the robot by inverse kinematics.
 
-    Recordings of the same robot pass unchanged; recordings of other robots are rejected.
+    Recordings of the same robot are only resampled; recordings of other robots are rejected.
     """
     from pipeline.retarget import RetargetSettings
     from pipeline.retarget.process import onto_robot
