@@ -40,7 +40,7 @@ def project(root, tmp_path, monkeypatch):
 def test_the_catalogue_counts_what_is_not_read_by_kind(project, capsys):
     result = motions.motion_catalog(dg.build_asset_context(), clip_pool=ClipPoolResource(backend="sequential"))
     assert [entry.clip for entry in result.value.entries] == ["mine/good"]
-    shown = result.metadata["not read or empty"].md_str
+    shown = result.metadata["files not read, empty folders and patterns"].md_str
     counted = "7 files of other formats were not read: .dae 1, .fbx 2, .json 1, .mvnx 1, .xyz 1, .zip 1."
     assert counted in shown and "day2/" in shown and "fits no file" in shown
     assert f"source 'mine': {counted}" in capsys.readouterr().err
@@ -54,4 +54,4 @@ def test_a_pattern_of_excluded_clips_that_fits_nothing_warns(project, capsys):
     pool = ClipPoolResource(backend="sequential")
     catalogue = motions.motion_catalog(dg.build_asset_context(), clip_pool=pool).value
     motions.selected_motions(dg.build_asset_context(), clip_pool=pool, motion_catalog=catalogue)
-    assert "excluded_clips in data/curation.yaml: the pattern 'mine/nothing*' fits no clip" in capsys.readouterr().err
+    assert "excluded_clips in data/curation.yaml: the pattern 'mine/nothing*' matches no clip" in capsys.readouterr().err

@@ -77,7 +77,7 @@ def test_what_failed_in_a_dropped_log_weighs_more_in_the_next_database(checkout,
         dropped_s = time.time()
         proposed = _wait_for(lambda: used.look() or _metadata(checkout, "curation_feedback"))
         _held_the_minute(checkout, dropped_s, used, record_property)
-        assert "approved.yaml: 'approvals' is 3" in proposed["what is approved can't be used"]
+        assert "approved.yaml: 'approvals' is 3" in proposed["invalid approved changes"]
         assert page.materialize("expert_db") == "FAILURE", "it heeds what can't be read"
         assert checkout.counts()["expert_db"] == counts["expert_db"], "nothing takes effect unseen"
         assert proposed["changes pending"] > 0

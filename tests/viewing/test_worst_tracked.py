@@ -97,7 +97,7 @@ def test_others_are_shown_where_they_are_furthest_off_one_of_each_family(tracked
     strips, _, _ = strips_of(tracked, robot, monkeypatch)
     assert [strip.name.split()[0] for strip in strips] == ["failing", "far~mirror", "near"]
     strip = strips[1]
-    assert "from 2.00 to 3.98 s" in strip.name and strip.note.startswith("furthest off at 3.00 s: 30.0 cm")
+    assert "from 2.00 to 3.98 s" in strip.name and strip.note.startswith("largest error at 3.00 s: 30.0 cm")
     assert strip.robot_clip is not None and strip.robot_clip.root_pos_w[50, 2] < strip.robot_clip.root_pos_w[0, 2]
 
 
