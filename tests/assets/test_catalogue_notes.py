@@ -54,4 +54,5 @@ def test_a_pattern_of_excluded_clips_that_fits_nothing_warns(project, capsys):
     pool = ClipPoolResource(backend="sequential")
     catalogue = motions.motion_catalog(dg.build_asset_context(), clip_pool=pool).value
     motions.selected_motions(dg.build_asset_context(), clip_pool=pool, motion_catalog=catalogue)
-    assert "excluded_clips in data/curation.yaml: the pattern 'mine/nothing*' matches no clip" in capsys.readouterr().err
+    warned = capsys.readouterr().err
+    assert "excluded_clips in data/curation.yaml: the pattern 'mine/nothing*' matches no clip" in warned
