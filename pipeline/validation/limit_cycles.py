@@ -152,7 +152,7 @@ def limit_cycle(series: JointSeries) -> LimitCycle:
     period_s = _period(series)
     starts = _phase_zeros(series.hip, series.rate_hz, period_s)
     if len(starts) < LEAST_CYCLES + 1:
-        raise NoCycleError(series.name, f"{max(len(starts) - 1, 0)} whole cycles, expected {LEAST_CYCLES}")
+        raise NoCycleError(series.name, f"{max(len(starts) - 1, 0)} whole cycles, expected at least {LEAST_CYCLES}")
     cycles = np.array([_resampled(table, *pair) for pair in itertools.pairwise(starts)])
     lengths = np.diff(starts) / series.rate_hz
     mean = cycles.mean(axis=0)
@@ -203,7 +203,8 @@ def _period(series: JointSeries) -> float:
     peaks = np.flatnonzero((inner >= likeness[:-2]) & (inner > likeness[2:])) + 1
     best = float(likeness[peaks].max()) if len(peaks) else 0.0
     if best < LEAST_LIKENESS:
-        raise NoCycleError(series.name, f"its likeness to itself is {best:.2f} at best, expected {LEAST_LIKENESS}")
+        problem = f"its likeness to itself is {best:.2f} at best, expected at least {LEAST_LIKENESS}"
+        raise NoCycleError(series.name, problem)
     peak = int(peaks[np.flatnonzero(likeness[peaks] >= 0.95 * best)[0]])
     before, at, after = likeness[peak - 1 : peak + 2]
     bend = before - 2.0 * at + after
