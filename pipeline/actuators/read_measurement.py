@@ -117,14 +117,13 @@ class _Rows:
 
 
 def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettings) -> Measurement:
-    """Read the sweep of `motor` from the text of a file; `file` is its name in messages. Raises FileError
-    (AmbiguousFileError).
+    """Read the sweep of a motor. Raises FileError, for ambiguous data AmbiguousFileError.
 
     Args:
         text: content of the file
         file: name of the file, for messages
         motor: motor of the table
-        settings: limits of the file
+        settings: limits on the file
     """
     about, table = _split(text, file)
     rows = _read_table(table, file, motor.name, about.get("decimal"))

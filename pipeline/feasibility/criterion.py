@@ -46,7 +46,7 @@ MOTION, NUMBERS, LENGTH = "motion", "numbers", "length"
 """Input of a criterion: a motion, the numbers of earlier stages, or the length of a stretch."""
 
 FRAMES, WHOLE_CLIP, NOTHING = "frames", "whole clip", "–"
-"""What a failed criterion removes: frames, the clip, or nothing. With `NOTHING`, a failure rejects the clip."""
+"""What a failed criterion removes: frames, the clip, or nothing. Without frames to cut, the stretch is rejected."""
 
 ORDER = (
     *("tracking stability", "root motion", "joint and speed limits", "torque", "contact consistency", "foot slip"),

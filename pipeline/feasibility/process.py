@@ -58,6 +58,15 @@ def process(
     `<name>+<n>`. So every kept clip satisfies all criteria by itself. A clip that is not similar enough to the human
     (numbers of KP3) is rejected as a whole. The results of all criteria on every evaluated stretch are stored as text
     among the numbers (`judgement.NUMBER`). Thresholds are scaled to the robot (`pipeline.robot.size`).
+
+    Args:
+        clip: motion of the robot
+        numbers: numbers of earlier stages
+        settings: thresholds
+        robot: robot of the clip
+        references: motions that rollouts tracked
+        prepared: cache with the last assessment, by which a mirror image is assessed (`pipeline.feasibility.image`)
+
     Raises ClipError if the clip is not of this robot or has values that are not finite.
     """
     _check(clip, robot)

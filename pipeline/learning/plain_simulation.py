@@ -82,9 +82,7 @@ class PlainSimulation(Simulation):
     def __init__(self, simulation: Simulation):
         self.__dict__.update(simulation.__dict__)  # mjlab's scene already refers to these arrays
         self._template = copy.copy(simulation.mj_model)
-        self._template.opt.disableflags |= (
-            mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        )  # as in MuJoCo Warp; diverged episodes terminate
+        self._template.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # as in Warp: divergence terminates
         self._template.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # inertia axes may be randomized
         self._models = [self._template] * self.num_envs
         self._states = [mujoco.MjData(self._template) for _ in range(self.num_envs)]

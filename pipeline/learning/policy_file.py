@@ -19,8 +19,8 @@ EPS = 1e-2
 def policy_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.ndarray]:
     """Arrays `mean, std, eps`, layers `L0_w, L0_b, …` and gains, from a checkpoint's `actor_state_dict`.
 
-    Weights are stored in half precision, which halves the file. The relative rounding error is 5e-4, the absolute one
-    at least 3e-8; actions change by at most 1e-3 [action] (RMS). Policies and trackers are evaluated as stored.
+    Weights are stored in half precision, which halves the file. The rounding error is at most 5e-4 of a weight, or
+    3e-8 if that is more; actions change by at most 1e-3 [action] (RMS). Policies and trackers are evaluated as stored.
 
     Raises TrainingError for another network, or a weight that is too large for half precision.
     """

@@ -134,8 +134,8 @@ class PelvisSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class WeightSettings:
-    """Weights of the soft tasks; each multiplies a squared error. Weights between which
-    is interpolated, and those of pelvis, trunk and posture, which keep the program strictly convex, are above 0."""
+    """Weights of the soft tasks; each multiplies a squared error. Weights that are interpolated geometrically, and
+    those of pelvis, trunk and posture, which keep the program strictly convex, are above 0."""
 
     stance_position: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
