@@ -272,7 +272,10 @@ def _check(name: str, value: Any, facts: Mapping[str, Any]) -> None:
     numbers = value if isinstance(value, tuple) else (value,)
     if not facts["words"] and not all(least <= number <= most for number in numbers):
         shown = " to ".join(f"{number:g}" for number in numbers)
-        raise TrainingError(f"option '{name}' is {shown}; {least:g} to {most:g} is allowed [{facts['unit']}].")
+        allowed = f"{least:g} to {most:g}"
+        if None in (facts["least"], facts["most"]):
+            allowed = f"a finite number of at {f'most {most:g}' if facts['least'] is None else f'least {least:g}'}"
+        raise TrainingError(f"option '{name}' is {shown}; {allowed} is allowed [{facts['unit']}].")
     if isinstance(value, tuple) and value[0] > value[1]:
         raise TrainingError(f"option '{name}' is {value[0]:g} to {value[1]:g}; the smaller number comes first.")
 
