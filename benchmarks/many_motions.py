@@ -96,7 +96,7 @@ def write_clips(motions: list[Motion], count: int, folder: Path) -> float:
 def _read(path: Path) -> Motion:
     head, found, rest = path.read_text().partition("Frames:")
     if not found or ROOT_CHANNELS not in head:
-        raise ValueError(f"{path}: wanted '{ROOT_CHANNELS}' at the root")
+        raise ValueError(f"{path}: expected '{ROOT_CHANNELS}' at the root")
     lines = rest.splitlines()
     frame_time_s = float(lines[1].partition(":")[2])
     return Motion(
