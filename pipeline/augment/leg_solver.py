@@ -151,8 +151,7 @@ PEAK = (0.4, 0.6)
 """Range of the lift's peak, as shares of the swing; closer to an end the lift would be too steep."""
 
 LEAST_POWER = 3.0
-"""Least exponent of the time from each end of a swing, so that the lift starts and ends with zero velocity and
-acceleration."""
+"""Least exponent of the time from each end of a swing: velocity and acceleration of the lift begin and end at zero."""
 
 
 def offset_by_stance(
@@ -181,8 +180,7 @@ def offset_by_stance(
 
 
 def shortest_jerk(along: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Minimum-jerk curve from 0 to 1 over [0, 1], with zero velocity and acceleration at both ends (Flash, Hogan
-    1985)."""
+    """Minimum-jerk curve from 0 to 1 over [0, 1]: no velocity or acceleration at the ends (Flash, Hogan 1985)."""
     return along**3 * (10.0 - 15.0 * along + 6.0 * along**2)
 
 

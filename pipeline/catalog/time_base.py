@@ -194,8 +194,7 @@ class TimeBaseSettings:
     """Pattern of a skeleton's name -> rates at which its sources record [Hz]; they decide between several standard
     rates that explain the motion."""
     usual_ratio: Annotated[float, Range(1.0, 10.0, open_low=True)]
-    """Ratio of a file's rate to a usual one from which the usual one replaces it, if gravity or gait agree better with
-    it."""
+    """Ratio of the file's rate to a usual one from which the usual one replaces it, if it fits the evidence better."""
     fewest_steps: Annotated[int, COUNT]
     """Least number of straight forward steps for a check by gait."""
     shortest_step: Annotated[float, NOT_NEGATIVE]

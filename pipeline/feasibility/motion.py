@@ -37,8 +37,7 @@ class CutSettings:
     margin_s: Annotated[float, Range(0.0, 5.0), Unit("s")]
     """Margin that is cut on both sides of a bad frame [s]."""
     share_s: Annotated[float, Range(0.0, 60.0), Unit("s")]
-    """Duration up to which a clip may have as many bad frames as a clip of this duration, for shares and percentiles
-    [s]."""
+    """Shorter clips may have as many bad frames as a clip of this duration, for shares and percentiles [s]."""
     short_share: ShareOfFrames
     """Upper bound of the share of bad frames in such a short clip."""
 

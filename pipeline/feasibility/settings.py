@@ -20,8 +20,7 @@ from pipeline.robot.size import RobotSize
 
 @dataclass(frozen=True, kw_only=True)
 class FeasibilitySettings:
-    """Thresholds and parameters of the criteria, by section, and of the weights. Criteria are evaluated in the order of
-    the sections."""
+    """Parameters of the criteria, by section, and of the weights. Criteria are evaluated in the order of sections."""
 
     calibrated_on: RobotSize
     """Robot that the thresholds are valid for; `pipeline.robot.size.scaled` converts them for another one."""

@@ -96,8 +96,7 @@ def _slow(feet: Feet, settings: ContactSettings) -> float:
 
 
 def stance_slip(feet: Feet, contacts: Contacts) -> float:
-    """Mean horizontal speed [m/s] of the slower of ball and heel of feet in contact, without the ends of each
-    stance."""
+    """Mean speed [m/s] of the slower of ball and heel of feet in contact, without the ends of each stance."""
     inner = inner_contacts(contacts)
     speed = np.concatenate([foot.horizontal.min(axis=1)[inner[:, side]] for side, foot in enumerate(feet)])
     return float(speed.mean()) if len(speed) else 0.0

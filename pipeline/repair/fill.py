@@ -128,8 +128,7 @@ def _unit(quat_w: Orientations) -> Orientations:
 WINDOW_S = 0.16
 """Time before and after a gap in which windows are compared [s]."""
 MISS_CONTEXT_S = 0.08
-"""Time around a gap from which a window's residual is interpolated [s]; longer than `CONTEXT_S`, as residuals are
-noisy."""
+"""Time around a gap from which a window's residual, which is noisy, is interpolated [s]."""
 NEAREST = 4
 """Number of most similar windows that are averaged."""
 APART_S = 0.1

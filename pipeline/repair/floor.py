@@ -16,8 +16,7 @@ from pipeline.repair.tree import FrameMask
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """Transform from a piece to the world of its source: `p_source = R_z(heading) p_piece + (x, y, floor + slope
-    t)`."""
+    """Transform from a piece to its source: `p_source = R_z(heading) p_piece + (x, y, floor + slope t)`."""
 
     heading_rad: float
     origin_x_m: float
@@ -51,8 +50,7 @@ def _turned(clip: HumanClip, angle: float, pos_w: np.ndarray) -> HumanClip:
 
 
 def place(clip: HumanClip, floor_m: float, heading_s: float) -> Placement:
-    """Placement of a clip: origin at the pelvis, heading from the pelvis's mean facing over the first `heading_s`
-    [s]."""
+    """Placement of a clip: origin at the pelvis, heading from its mean facing over the first `heading_s` [s]."""
     count = max(1, round(heading_s * clip.fps))
     return Placement(
         heading_rad=mean_heading(clip.quat("pelvis")[:count]),

@@ -181,8 +181,7 @@ def _planted(
 def _piece(
     labelled: HumanClip, feet: Feet, start: int, stop: int, low: int, settings: RepairSettings
 ) -> tuple[list[Reason], tuple[HumanClip, float] | None]:
-    """Frames [start, stop) of the source and their slip, or the reasons for dropping them; `labelled` begins at
-    `low`."""
+    """Frames [start, stop) of the source and their slip, or reasons against them; `labelled` begins at `low`."""
     part, fps = slice(start - low, stop - low), labelled.fps
     assert labelled.contacts is not None
     if (stop - start) / fps < settings.min_seconds:

@@ -138,8 +138,7 @@ def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> t
 
 
 def _placed(clip: RobotClip, first: int, settings: RepairSettings) -> Piece:
-    """Move the piece to the origin with heading +x; its height is kept, as the feasibility stage checks the soles'
-    height."""
+    """Move the piece to the origin with heading +x; its height, which KP5 checks, is kept."""
     quat_w = rotation.make_continuous(rotation.normalize(clip.root_quat_w))
     heading = mean_heading(quat_w[: max(1, round(settings.heading_s * clip.fps))])
     back = rotation.about_z(-heading)

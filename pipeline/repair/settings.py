@@ -37,8 +37,7 @@ class DetectionSettings:
     spike_spread: Annotated[float, Range(1.0)]
     """A spike also has to exceed this many times the 95th percentile of the clip's own interpolation errors."""
     noise_turn: Annotated[float, POSITIVE]
-    """Interpolation error above which, in most frames, a body shakes [rad]; smaller if it carries others, as for
-    jumps."""
+    """Interpolation error above which, in most frames, a body shakes [rad]; smaller if it carries others."""
     noise_place: Annotated[float, POSITIVE]
     """Interpolation error of the position in the parent's frame above which a body shakes [m]."""
     noise_share: Annotated[float, PART]

@@ -84,8 +84,7 @@ def _usual(size: Float[np.ndarray, " t"], stretches: list[tuple[int, int]], widt
 def _located(
     sizes: Sizes, limits: Float[np.ndarray, " n"], start: int, stop: int, width: int
 ) -> tuple[int, int, Bool[np.ndarray, " b"]]:
-    """Frames [first, last) of the shaking, and the bodies that shake; `sizes`: errors of rotations, then of
-    positions."""
+    """Frames [first, last) of the shaking, and its bodies; `sizes`: errors of rotations, then of positions."""
     others = np.concatenate([sizes[: max(start - width, 0)], sizes[stop + width :]])
     others = others if len(others) >= width else sizes
     inner = slice(min(start + 1, stop - 1), max(stop - 1, start + 2))

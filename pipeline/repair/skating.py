@@ -41,8 +41,7 @@ STEADY = 0.5
 LOOKS, STRAIGHT = 4, 0.7
 """Iterations for the slide's velocity, and ratio of mean velocity to mean speed from which it has a direction."""
 NEAR = 0.5
-"""Deviation from zero (stance) or from the slide's velocity (sliding), as a share of it, up to which a point
-matches."""
+"""Largest deviation of a point that matches, from zero (stance) or the slide's velocity, as a share of that."""
 KICK_S = 0.4
 """Search range for a velocity step of the body around the edge given by the feet [s]."""
 KICK_OFF, KICK_SPREAD, MOST_BODIES = 0.75, 0.6, 75.0
@@ -155,8 +154,7 @@ def _kicked(pos_w: Positions, glide: Float[np.ndarray, " 2"], edges: tuple[int, 
 def _off(
     kicks: Float[np.ndarray, "n 19 2"], glide: Float[np.ndarray, " 2"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 2"]]:
-    """Deviation of each frame's velocity step from the slide's, infinite where there is no step; and that step
-    [m/s]."""
+    """Deviation of each frame's velocity step from the slide's, infinite without a step; and that step [m/s]."""
     kick = np.median(kicks, axis=1)
     off = np.linalg.norm(kick - glide, axis=-1) / np.linalg.norm(glide)
     apart = np.percentile(np.linalg.norm(kicks - kick[:, None], axis=-1), MOST_BODIES, axis=1)

@@ -39,8 +39,7 @@ LEVERS: dict[str, float] = {
     "shoulder": 0.55,
     "elbow": 0.27,
 }
-"""Distance from a body to the furthest joint below it [m], for a person of 1.75 m; bodies without children are left
-out."""
+"""Distance from a body to the furthest joint below it, if there is one, for a person of 1.75 m [m]."""
 
 LEVER: Float[np.ndarray, " 19"] = np.array([LEVERS.get(name.split("_")[-1], 0.0) for name in BODIES])
 

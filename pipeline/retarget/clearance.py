@@ -25,12 +25,10 @@ SHANK_POINTS = (0.25, 0.5, 0.75)
 """Points along the shank, as fractions of the distance from knee to ankle."""
 
 CROSSED_GAIN = 3.5
-"""Outward shift of a foot / missing clearance of its shank; above 1, as the shank's upper end moves less than the
-foot."""
+"""Outward shift of a foot / missing clearance of its shank, whose upper end moves less than the foot."""
 
 RAISED = 1.5
-"""Raise of the pelvis target on a smoothed path / depth of a sole below ground; above 1, as the IK follows only
-partly."""
+"""Raise of the pelvis target on a smoothed path / depth of a sole below ground; the IK follows only in part."""
 
 ARMS = [limb for limb, (name, _, _) in enumerate(LIMBS) if name.endswith(("upper_arm", "forearm"))]
 """Indices of the arm segments in `LIMBS`."""

@@ -69,8 +69,7 @@ class Sole:
         return lever * np.sin(pitch) + self.depth * np.cos(pitch)
 
     def ankle_from_pivot(self, pivot: np.ndarray, pitch: np.ndarray) -> np.ndarray:
-        """Horizontal distance [m], along the foot's yaw, from the sole point `pivot` in front of the ankle to the
-        ankle."""
+        """Horizontal distance [m], along the foot's yaw, to the ankle from the sole point `pivot` in front of it."""
         return -pivot * np.cos(pitch) + self.depth * np.sin(pitch)
 
 

@@ -69,8 +69,7 @@ def corner_overlap(
 def _corners(
     feet: Float[np.ndarray, "2 t 5"], heading: Float[np.ndarray, " t"], sole: Sole, wider: float
 ) -> tuple[Float[np.ndarray, "2 4 t"], Float[np.ndarray, "2 4 t"]]:
-    """Corners (in order) of soles enlarged by `wider` [m] on all sides: coordinates along the heading and to its
-    left."""
+    """Corners (in order) of soles enlarged by `wider` [m] on all sides: along the heading and to its left."""
     x = np.array([sole.rear - wider, sole.front + wider])[[0, 1, 1, 0], None]
     y = (sole.half_width + wider) * np.array([[-1.0], [-1.0], [1.0], [1.0]])
     turn = feet[:, None, :, YAW] - heading

@@ -86,8 +86,7 @@ def smoothed_path(
 def fading_grip(
     firm: Bool[np.ndarray, "t 2"], held: Float[np.ndarray, " t"], settings: PelvisSettings, fps: float
 ) -> Float[np.ndarray, "t 2"]:
-    """Interpolation factor of each foot's weights: 1 where `firm`, fading to 0 over `fade_s` where the pelvis is
-    held."""
+    """Interpolation factor of each foot's weights: 1 where `firm`, fading to 0 over `fade_s` at a held pelvis."""
     grip = firm.astype(float)
     reach = settings.fade_s * fps
     for side in range(2):

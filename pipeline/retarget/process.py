@@ -151,8 +151,7 @@ def changes_of(targets: Targets) -> dict[str, float]:
 
 
 def velocity_of(clip: RobotClip) -> dict[str, float]:
-    """Velocity command that the motion corresponds to: mean forward and lateral velocity [m/s], mean yaw rate
-    [rad/s]."""
+    """Velocity command of the motion: mean forward and lateral velocity [m/s], mean yaw rate [rad/s]."""
     return dict(vars(command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)))
 
 

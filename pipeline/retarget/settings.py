@@ -123,8 +123,7 @@ class PelvisSettings:
     least_peak_m_s2: Annotated[float, POSITIVE]
     """A smaller peak of the human's path counts as this much [m/s2]."""
     path_hz: Annotated[float, Range(0.5, 1000.0)]
-    """Zero-phase low pass on the horizontal offset between planned and reached pelvis where the path is smoothed
-    [Hz]."""
+    """Zero-phase low pass on the horizontal offset between planned and reached pelvis on a smoothed path [Hz]."""
     fade_s: Annotated[float, NOT_NEGATIVE]
     """Fade-in and fade-out of the weights of the pelvis, and of the feet in clips where the pelvis is held [s]."""
 
@@ -182,8 +181,7 @@ class RetargetSettings:
     """All settings of KP3."""
 
     calibrated_on: RobotSize
-    """Robot that distances and their weights are valid for; `pipeline.robot.size.scaled` converts them for another
-    one."""
+    """Robot that distances and weights are valid for; `pipeline.robot.size.scaled` converts them for another."""
     fps: Annotated[float, RATE_HZ]
     """Rate of the robot clip [Hz]."""
     leg_scale: Annotated[float, Range(0.1, 2.0)]

@@ -233,8 +233,7 @@ def _scaled_feet(
     person: Proportions,
     sole: Sole,
 ) -> Float[np.ndarray, "2 t 5"]:
-    """Human feet scaled to the robot, before stances are applied: ankle x, y, z [m], yaw (the pelvis's), pitch
-    [rad]."""
+    """Human feet scaled to the robot, before stances: ankle x, y, z [m], yaw (the pelvis's), pitch [rad]."""
     ankles, toes = clip.both("ankle"), clip.both("toe")
     raws = np.empty((2, clip.frame_count, 5))
     by_frame = raws.swapaxes(0, 1)

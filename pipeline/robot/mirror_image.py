@@ -11,8 +11,7 @@ from pipeline.robot.robot import Robot
 POSITION = np.array([1.0, -1.0, 1.0])
 """Signs of a position's mirror image."""
 QUATERNION = np.array([1.0, -1.0, 1.0, -1.0])
-"""Signs of a quaternion's mirror image: reflection maps R to S R S with S = diag(1, -1, 1), so rotations about x and z
-change sign."""
+"""Signs of a quaternion's mirror image S R S, S = diag(1, -1, 1): rotations about x and z change sign."""
 MARK = "~mirror"
 """Suffix of the name of a mirrored motion."""
 

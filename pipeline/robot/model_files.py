@@ -35,8 +35,7 @@ COMMENT = "Rendered from the tables beside it by `python -m pipeline.robot.rende
 
 
 def render_mjcf(robot: Description, root_height: float) -> str:
-    """MJCF with the root link `root_height` [m] above the origin, so that the soles of the default pose are at z =
-    0."""
+    """MJCF with the root link `root_height` [m] above the origin: the default pose has its soles at z = 0."""
     model = Xml.Element("mujoco", model=robot.name)
     model.append(Xml.Comment(f" {COMMENT} "))
     _add(model, "compiler", angle="radian", eulerseq="XYZ", autolimits="true")

@@ -19,8 +19,7 @@ from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import PdControl
 
 FALL_HEIGHT_SHARE = 0.45 / 0.679103
-"""Root height over the ground below which a robot has fallen, relative to that of the default pose (0.45 m on the
-T1)."""
+"""Root height over the ground below which a robot has fallen, as a share of the default (T1: 0.45 m)."""
 FALL_TILT_COS = 0.5
 """Cosine of the root's tilt (60 degrees) beyond which a robot has fallen."""
 

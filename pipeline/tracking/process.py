@@ -169,8 +169,7 @@ def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
 
 
 def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> dict[str, Number]:
-    """Tracking quality of the nominal rollout, including failed stretches, and the comparison of its longest
-    stretch."""
+    """Tracking quality of the nominal rollout, failed stretches included; comparison of its longest stretch."""
     references = [clip.cut(stretch.start, stretch.stop, clip.name) for stretch in stretches]
     parts = [tracking_error(each.clip, own, robot) for each, own in zip(stretches, references, strict=True)]
     body, joint, path = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint", "path"))

@@ -223,8 +223,7 @@ class _Record:
         self._pos += data.xpos
 
     def end_of_step(self, push: np.ndarray) -> None:
-        """Store the means over the control step, also of the feet's lever arms, which change by millimetres within a
-        step."""
+        """Store the means over the control step, also of the feet's lever arms, which change by millimetres."""
         step, contact = self._step, self._contact / DECIMATION
         force, arm = contact[self._feet, 3:], (self._com - self._pos[self._feet]) / DECIMATION
         self._torque[step] /= DECIMATION

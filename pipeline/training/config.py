@@ -250,8 +250,7 @@ class Config:
         return {name: value for name, value, _ in self.options()}
 
     def changed(self, values: Mapping[str, Any]) -> Config:
-        """Copy of this configuration with changed options. Raises TrainingError for an unknown name or a value that is
-        not allowed."""
+        """Copy with changed options. Raises TrainingError for an unknown name or a value that is not allowed."""
         known = self.values()
         groups: dict[str, dict[str, Any]] = {}
         for name, value in values.items():
