@@ -4,12 +4,13 @@ An asset is stale if it was never materialized, if its stored result differs fro
 code, settings or robot changed, or if an input changed or is stale.
 """
 
+import contextlib
 from collections.abc import Collection, Mapping
 from graphlib import TopologicalSorter
 
 import dagster as dg
 
-from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_TAG, TRIALS, WALKS_TAG, Plan, digest_of_walks
+from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_DIGITS, FINGERPRINT_TAG, TRIALS, Plan, key_of
 from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
 from pipeline.expert.index import database_version
@@ -18,6 +19,8 @@ from pipeline.files import digest
 from pipeline.project import DEFAULT_ROBOT, Project
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
+TRIALS_TAG = "booster_lab/trials"
+"""Tag of a materialization that uses only the trials of its policy: their digest (`digest_of_trials`)."""
 NEVER_MATERIALIZED = "INITIAL"
 """Version that Dagster records for an input that was never materialized."""
 
@@ -83,9 +86,21 @@ def _why_by_input(
         return f"'{name}' is stale"
     used = tags.get(INPUT_VERSION_PREFIX + name)
     unchanged = (None if used == NEVER_MATERIALIZED else used) == versions.get(parent)
-    if not unchanged and plan.walks_in_logs and parent == TRIALS.key:
-        unchanged = tags.get(WALKS_TAG) == digest_of_walks(project, plan.robot or DEFAULT_ROBOT)
+    if not unchanged and parent == TRIALS.key and TRIALS_TAG in tags:
+        unchanged = tags[TRIALS_TAG] == digest_of_trials(project, plan.robot or DEFAULT_ROBOT)
     return "" if unchanged else f"'{name}' has new content"
+
+
+def digest_of_trials(project: Project, robot: str) -> str:
+    """Digest of the ingested trials of a robot's exported policy; no policy and no trials have the same digest."""
+    trials: list[tuple[str, str]] = []
+    with contextlib.suppress(PipelineError):
+        (facts,) = project.store.load(key_of("exported_policy", robot).to_user_string()).settings.values()
+        policies = {facts["digest"], facts["files"]["policy.npz"]}  # logs name either
+        for entry in project.store.load(TRIALS.name).entries:
+            if entry.numbers["robot"] == robot and entry.numbers["policy_digest"] in policies:
+                trials.append((entry.clip, entry.blob))
+    return digest.of_json(sorted(trials))[:FINGERPRINT_DIGITS]
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:

@@ -5,8 +5,9 @@ from typing import Any
 
 import dagster as dg
 
+from assets.freshness import TRIALS_TAG, digest_of_trials
 from assets.hardware import trials_of as files_of
-from assets.plan import TRIALS, WALKS_TAG, Plan, digest_of_walks
+from assets.plan import TRIALS, Plan
 from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, export_facts
 from assets.report import check_result, picture, result_of, robot_asset, table_of
 from pipeline.batch import Manifest
@@ -71,7 +72,7 @@ def limit_cycles(
         **({"cycles": table_of(rows)} if rows else {}),
         **({"comparisons": table_of(compared)} if compared else {}),
     }
-    return result_of(plan, {VERDICT: verdict}, metadata, [check], tags={WALKS_TAG: digest_of_walks(PROJECT, robot)})
+    return result_of(plan, {VERDICT: verdict}, metadata, [check], tags={TRIALS_TAG: digest_of_trials(PROJECT, robot)})
 
 
 NONE_REQUIRED = "`limit_cycles` of the robot's validation.yaml requires no speed, so that nothing was checked"

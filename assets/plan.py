@@ -11,7 +11,6 @@ from typing import Any
 import dagster as dg
 
 from pipeline.batch.code_version import code_version
-from pipeline.errors import PipelineError
 from pipeline.files import digest, settings
 from pipeline.project import DEFAULT_ROBOT, Project
 
@@ -21,9 +20,6 @@ FINGERPRINT_TAG = "booster_lab/fingerprint"
 
 FAULTS_TAG = "booster_lab/faults"
 """Tag of a materialization: number of clips lost to an unexpected error in the stage itself."""
-
-WALKS_TAG = "booster_lab/walks"
-"""Tag of a materialization: digest of the walks in logs that it contains (`digest_of_walks`)."""
 
 FINGERPRINT_DIGITS = 40
 """Hex digits of a fingerprint; Dagster limits the value of a tag to 63 characters."""
@@ -55,8 +51,6 @@ class Plan:
     """Whether it depends on the policies shipped with the robot."""
     every_robot: bool = False
     """Whether it depends on the folders of all robots: a hardware log can be of any robot."""
-    walks_in_logs: bool = False
-    """Whether new content of `hardware_trials` makes it stale only if the walks of `digest_of_walks` changed."""
     any_policy: bool = False
     """Whether it depends on all available policies of all robots: a log names its policy by digest."""
 
@@ -108,31 +102,6 @@ def digest_of_policies(project: Project, robot: str) -> str:
     """Digest of the policies shipped in a robot's `policies/`: of the JSON files, which hold digests of the rest."""
     folder = project.shipped_policies(robot)
     return digest.of_files(sorted(folder.rglob("*.json")), folder)
-
-
-def digest_of_walks(project: Project, robot: str) -> str:
-    """Digest of the trials in which the exported policy of a robot walks at a speed of `limit_cycles.yaml`.
-
-    Unreadable trials, policies or settings count as no trials: the inputs are then stale themselves, or the asset
-    fails.
-    """
-    from pipeline.hardware_logs import read_trial
-    from pipeline.validation.limit_cycle_walks import steady_span
-    from pipeline.validation.limit_cycles import LimitCycleSettings
-
-    walks: list[tuple[str, str]] = []
-    try:
-        values = project.read("limit_cycles.yaml", LimitCycleSettings)
-        (exported,) = project.store.load(key_of("exported_policy", robot).to_user_string()).settings.values()
-        policies = {exported["digest"], exported["files"]["policy.npz"]}
-        for entry in project.store.load(TRIALS.name).entries:
-            if entry.numbers.get("robot") == robot and entry.numbers.get("policy_digest") in policies:
-                trial = read_trial(project.store.own_blobs.path(entry.blob))
-                if any(steady_span(trial, speed, values) is not None for speed in values.speeds_m_s):
-                    walks.append((entry.clip, entry.blob))
-    except (PipelineError, OSError):
-        pass
-    return digest.of_json(sorted(walks))[:FINGERPRINT_DIGITS]
 
 
 SOURCES, SELECTION, REPAIR, HARDWARE = "sources", "KP1_selection", "KP2_repair", "hardware_feedback"
@@ -245,7 +214,6 @@ _OF_ROBOT = (
         (*_WALKS, "dart", "hardware_logs"),
         ("limit_cycles.yaml", "validation.yaml"),
         as_they_are=("hardware_trials",),
-        walks_in_logs=True,
         **_BARS,
     ),
     Plan("release_report", VALIDATION, ("release", "export", *_WALKS), as_they_are=RELEASED),

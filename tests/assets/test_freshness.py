@@ -1,14 +1,12 @@
 """An asset is stale after faults of its stage, and where what it stored is not whole."""
 
-import dataclasses
 from pathlib import Path
 
 import dagster as dg
-import numpy as np
 import pytest
 
-from assets.freshness import INPUT_VERSION_PREFIX, stale_reasons, stored_version
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, SHARED, TRIALS, WALKS_TAG, Plan, digest_of_walks, robot_plans
+from assets.freshness import INPUT_VERSION_PREFIX, TRIALS_TAG, digest_of_trials, stale_reasons, stored_version
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, SHARED, TRIALS, Plan, robot_plans
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Entry, Manifest
 from pipeline.feasibility import criteria_table
@@ -17,7 +15,6 @@ from pipeline.files.sourced import origins
 from pipeline.project import Project
 from pipeline.robot import Robot
 from tests.factories.bare_project import bare_project
-from tests.factories.log_trials import trials_in, write_trial
 from tests.factories.robot_clips import standing, wandering
 
 REPAIRED = next(plan for plan in SHARED if plan.name == "repaired_motions")
@@ -75,39 +72,32 @@ def test_feasible_motions_have_a_version_with_their_own_table_of_criteria_alone(
     assert stored_version(project, FEASIBLE) is None, "the table is of what was stored before"
 
 
-def test_of_logs_only_walks_of_its_policy_make_limit_cycles_stale(project: Project, robot: Robot, root, tmp_path):
-    (demo,) = trials_in(root / "data/hardware_logs/demo/stand.mcap", robot)
-    path = project.settings("limit_cycles.yaml")
-    path.write_text(path.read_text().replace("settled_s: 4.0", "settled_s: 0.5"))
-    walk, stand, cycles = np.array([0.6, 0.0, 0.0]), np.zeros(3), robot_plans("t1")["limit_cycles"]
+def test_of_logs_only_those_of_its_policy_make_limit_cycles_stale(project: Project):
+    cycles = robot_plans("t1")["limit_cycles"]
     facts = {"digest": "of the policy", "files": {"policy.npz": "of its network"}}
     project.store.save("exported_policy", Manifest(stage="", entries=(), judged=(), settings={"": facts}))
     entries: list[Entry] = []
 
-    def versions(*logged: tuple[str, str, np.ndarray]) -> str:
-        """Store further trials, each of a policy and a command; the version of all of them."""
-        for name, policy, command in logged:
-            commands = np.broadcast_to(command, demo.command.shape).copy()
-            write_trial(tmp_path / name, dataclasses.replace(demo, name=name, command=commands))
-            blob = project.store.own_blobs.take(tmp_path / name)
-            entries.append(Entry(clip=name, blob=blob, numbers={"robot": "t1", "policy_digest": policy}))
+    def version_with(*logged: tuple[str, str]) -> str:
+        """Store further trials, each of a robot and a policy; the version of all of them."""
+        for robot, policy in logged:
+            name = str(len(entries))
+            entries.append(Entry(clip=name, blob=name, numbers={"robot": robot, "policy_digest": policy}))
         manifest = Manifest(stage=TRIALS.name, entries=tuple(entries), judged=())
         project.store.save(TRIALS.name, manifest)
         return manifest.digest
 
     def why(version: str) -> str:
-        found = stale_reasons(
-            instance, project, {cycles.key: cycles}, {cycles.key: {TRIALS.key}}, {TRIALS.key: version}
-        )
-        return found.get(cycles.key, "")
+        parents, external = {cycles.key: {TRIALS.key}}, {TRIALS.key: version}
+        return stale_reasons(instance, project, {cycles.key: cycles}, parents, external).get(cycles.key, "")
 
-    before = versions(("first", "of the policy", walk))
+    before = version_with(("t1", "of the policy"))
     made = Manifest(stage=cycles.name, entries=(), judged=(), settings={"": {"passed": True}})
     project.store.save(cycles.name, made)
     tags = {DATA_VERSION_TAG: made.digest, FINGERPRINT_TAG: cycles.fingerprint(project)}
-    tags |= {INPUT_VERSION_PREFIX + TRIALS.name: before, WALKS_TAG: digest_of_walks(project, "t1")}
+    tags |= {INPUT_VERSION_PREFIX + TRIALS.name: before, TRIALS_TAG: digest_of_trials(project, "t1")}
     with dg.DagsterInstance.ephemeral() as instance:
         instance.report_runless_asset_event(dg.AssetMaterialization(cycles.key, tags=tags))
-        after = versions(("another's", "of another", walk), ("no walk", "of the policy", stand))
+        after = version_with(("t1", "of another"), ("k1", "of the policy"))
         assert after != before and why(after) == ""
-        assert why(versions(("second", "of its network", walk))) == "'hardware_trials' has new content"
+        assert why(version_with(("t1", "of its network"))) == "'hardware_trials' has new content"
