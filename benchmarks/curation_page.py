@@ -218,7 +218,7 @@ def wait_for_thumbnails(url: str, start: float) -> float:
     while True:
         with urllib.request.urlopen(f"{url.partition('#')[0]}api/state") as answer:
             state = json.load(answer)["thumbnails"]
-        if state["wanted"] and state["made"] >= state["wanted"]:
+        if state["total"] and state["made"] >= state["total"]:
             return time.perf_counter() - start
         time.sleep(1.0)
 
