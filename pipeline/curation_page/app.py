@@ -58,8 +58,8 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         runs.stop()
 
     def state(_: Mapping[str, Any]) -> dict[str, Any]:
-        counts = [(each.made, each.total) for each in thumbnail_process] or [(0, 0)]
-        thumbnails = dict(zip(("made", "total"), counts[0], strict=True))
+        making = thumbnail_process[0] if thumbnail_process else None
+        thumbnails = {"made": making.made, "total": making.total} if making else {"made": 0, "total": 0}
         database = asset_of(DATABASE, workplace.robot_name)
         versions = {"version": workplace.version(), "answers": workplace.answers_version()}
         return {"database": database, **versions, "thumbnails": thumbnails, **runs.state()}

@@ -42,10 +42,10 @@ AT_A_TIME = 2048
 """Entries in memory when several processes write."""
 
 MAX_JOINT_STEP = 0.05
-"""Largest jump of a joint from the end to the start of a loop [rad] (estimate: 2.5 rad/s)."""
+"""Largest jump of a joint to the start of a loop from one frame after its end [rad] (estimate: 2.5 rad/s)."""
 
 MAX_ROOT_STEP = 0.01
-"""Largest jump of the root's height [m] and tilt [rad] from the end to the start of a loop (estimate: 0.5 m/s)."""
+"""The same for the root's height [m] and tilt [rad] (estimate: 0.5 m/s)."""
 
 
 def loop_mode(clip: RobotClip) -> str:
