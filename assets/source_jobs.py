@@ -1,8 +1,8 @@
 """Job that processes the motions of one source again; each source is a partition.
 
 The assets themselves have no partitions: weights and the selection of windows depend on all sources, so a database of
-some partitions would differ, and `--select expert_db` would need a partition. A manifest has one shard per source; this
-job takes the shards of other sources from the cache.
+some partitions would differ, and `--select expert_db` would need a partition. A shard of a manifest belongs to one
+source; this job takes the shards of other sources from the cache.
 """
 
 import dagster as dg

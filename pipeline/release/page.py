@@ -42,7 +42,7 @@ def style_source() -> str:
 
 def _not_run(dossier: Dossier) -> tuple[str, ...]:
     whole = [
-        f"{each.name}: {'; '.join(each.reasons) or 'no reason'}"
+        f"{each.name}: {'; '.join(each.reasons) or 'no reason is stated'}"
         for each in dossier.verdicts
         if each.status in (Status.NOT_RUN, Status.OUTDATED)
     ]

@@ -134,7 +134,7 @@ def test_falls_of_a_k1_in_22_motor_logs_become_a_proposal_for_it_alone(project: 
         assert trial.joint_pos.shape[1] == 22
         write_trial(tmp_path / f"{name}.parquet", trial)
         numbers = {"robot": "k1", "policy_digest": trial.policy_digest, "log": name}
-        answers[name] = failure_modes._answer(name, tmp_path / f"{name}.parquet", numbers)
+        answers[name] = failure_modes._findings(name, tmp_path / f"{name}.parquet", numbers)
         assert "unread" not in answers[name], answers[name]
     reports = {name: TrialReport.from_dict(each["report"]) for name, each in answers.items()}
     falls = {name: sum(each.kind == "fall" for each in report.failures) for name, report in reports.items()}
