@@ -23,11 +23,13 @@ def index(fastest: float) -> pd.DataFrame:
     return pd.DataFrame([{**one, "clip": name} for name in ("mine/walk", "mine/walk~mirror")])
 
 
-@pytest.mark.parametrize(("fastest", "missing"), [(0.6, "nothing"), (0.3, "No clip walks left faster than 0.3 m/s.")])
+@pytest.mark.parametrize(
+    ("fastest", "missing"), [(0.6, "nothing is missing"), (0.3, "No clip walks left faster than 0.3 m/s.")]
+)
 def test_it_says_what_is_missing_and_passes_where_nothing_is(fastest, missing):
     found = _every_command(PLAN, index(fastest))
     assert found.metadata["found"].value == missing
-    assert found.passed == (missing == "nothing")
+    assert found.passed == (missing == "nothing is missing")
 
 
 @pytest.mark.parametrize(
