@@ -103,7 +103,7 @@ def test_a_curator_finds_watches_and_excludes_the_worst_clip_and_takes_it_back(p
     gone = before - database(checkout)
     assert gone and all(name == worst or name.startswith(f"{worst}+") for name in gone)
     go(page, "#/databases", ".summary")
-    page.until("document.querySelector('.summary').textContent.includes(' left')")
+    page.until("document.querySelector('.summary').textContent.includes(' removed')")
     assert "excluded by Ada" in page.page.text_content(".page")
     assert worst in page.page.text_content(".page")
     page.picture("curate_databases")
