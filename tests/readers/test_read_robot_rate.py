@@ -79,7 +79,7 @@ def test_a_rate_that_the_files_own_velocities_contradict_is_corrected_and_named(
     assert (read.clip.fps, read.declared_fps) == (50.0, declared)
     (note,) = read.notes
     assert (note.code, note.effect) == ("time_base", "repaired")
-    assert f"says {declared:g} Hz" in note.text and "50 Hz is taken" in note.text
+    assert f"states {declared:g} Hz" in note.text and "50 Hz is taken" in note.text
     stated = read_motion(path, "clip", Statement(fps=declared))
     assert (stated.clip.fps, stated.notes[0].effect) == (declared, "noted")
 
@@ -103,7 +103,7 @@ def test_a_rate_contradicted_by_velocities_of_no_usual_rate_is_rejected_with_bot
     read = read_motion(path, "clip")
     (note,) = read.notes
     assert (note.code, note.effect, read.clip.fps) == ("time_base", "rejected", declared)
-    assert f"says {declared:g} Hz" in note.text and "those of 80 Hz" in note.text and "State the right one" in note.text
+    assert f"states {declared:g} Hz" in note.text and "those of 80 Hz" in note.text and "State the right one" in note.text
     stated = read_motion(path, "clip", Statement(fps=80.0))
     assert (stated.clip.fps, [note.effect for note in stated.notes]) == (80.0, ["noted"])
 

@@ -108,4 +108,4 @@ def test_a_rate_that_qvel_contradicts_is_named_with_both_rates(cases):
     found = read(cases, "robot_rate_against_qvel/run_250Hz_said_500Hz_true.npz")
     assert found.clip.fps == 500.0
     assert [(note.code, note.effect) for note in found.notes] == [("time_base", "repaired")]
-    assert "says 250 Hz" in found.notes[0].text and "500 Hz" in found.notes[0].text
+    assert "states 250 Hz" in found.notes[0].text and "500 Hz" in found.notes[0].text
