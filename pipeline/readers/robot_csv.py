@@ -102,7 +102,7 @@ def _rate(path: Path, time_s: np.ndarray, commented: float | None) -> tuple[floa
     if timed is None:
         return None, FileError(path, f"the times in '{TIME}' do not increase in even steps.", STATE_RATE)
     if commented is not None and abs(commented - timed) > MAX_RATE_ERROR * timed:
-        problem = f"its comment states {commented:g} Hz, and its times 'time_s' are {timed:g} Hz apart."
+        problem = f"its comment states {commented:g} Hz, and its times 'time_s' give {timed:g} Hz."
         return None, FileError(path, problem, f"Remove or correct one of them. {STATE_RATE}")
     return commented or timed, None
 

@@ -130,7 +130,7 @@ def test_a_comment_whose_rate_is_not_that_of_the_times_is_refused(tmp_path):
     rows = np.concatenate([np.arange(FRAMES)[:, None] / 50.0, csv_rows()], axis=1)
     header = ["time_s", *HEADER]
     assert read_motion(write_csv(tmp_path / "a.csv", rows, header, "# fps: 50"), "clip").clip.fps == 50.0
-    with pytest.raises(FileError, match=r"its comment states 30 Hz, and its times 'time_s' are 50 Hz apart"):
+    with pytest.raises(FileError, match=r"its comment states 30 Hz, and its times 'time_s' give 50 Hz"):
         read_motion(write_csv(tmp_path / "b.csv", rows, header, "# fps: 30"), "clip")
 
 
