@@ -142,7 +142,7 @@ def checked_rate(
     if declared is None:
         if usual is None:
             return None, ()
-        text = f"{path.name} does not say its frame rate; its positions and velocities are {usual:g} Hz apart"
+        text = f"{path.name} does not say its frame rate; its positions and velocities agree at {usual:g} Hz"
         return usual, (Reason(code="derived_rate", text=text, effect="noted", value=usual, unit="Hz"),)
     stated = declared_rate(declared) or declared
     if not by_velocity.contradicts(stated):

@@ -40,7 +40,7 @@ def test_an_environment_of_the_k1_falls_and_is_pushed_in_its_own_size(tmp_path: 
     env.reset()
     facts, pushes = bundle.robot, config.pushes
     speed = facts.leg_ratio**0.5
-    largest = {type(each.func): each.func._timer._largest[1] for each in env.event_manager._mode_term_cfgs["step"]}
+    largest = {type(each.func): each.func._timer._max_push[1] for each in env.event_manager._mode_term_cfgs["step"]}
     assert largest[Kick] == pytest.approx(speed * pushes.kick_m_s[1])
     assert largest[Push] == pytest.approx(facts.weight_ratio * speed * pushes.impulse_n_s[1])
     low, high = fall_height(robot) - 0.02, fall_height(robot) + 0.05
