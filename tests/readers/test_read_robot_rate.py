@@ -103,7 +103,9 @@ def test_a_rate_contradicted_by_velocities_of_no_usual_rate_is_rejected_with_bot
     read = read_motion(path, "clip")
     (note,) = read.notes
     assert (note.code, note.effect, read.clip.fps) == ("time_base", "rejected", declared)
-    assert f"states {declared:g} Hz" in note.text and "those of 80 Hz" in note.text and "State the right one" in note.text
+    assert (
+        f"states {declared:g} Hz" in note.text and "those of 80 Hz" in note.text and "State the right one" in note.text
+    )
     stated = read_motion(path, "clip", Statement(fps=80.0))
     assert (stated.clip.fps, [note.effect for note in stated.notes]) == (80.0, ["noted"])
 
