@@ -98,7 +98,7 @@ def digest_of_trials(project: Project, robot: str) -> str:
         (facts,) = project.store.load(key_of("exported_policy", robot).to_user_string()).settings.values()
         policies = {facts["digest"], facts["files"]["policy.npz"]}  # logs name either
         for entry in project.store.load(TRIALS.name).entries:
-            if entry.numbers["robot"] == robot and entry.numbers["policy_digest"] in policies:
+            if entry.numbers.get("robot") == robot and entry.numbers.get("policy_digest") in policies:
                 trials.append((entry.clip, entry.blob))
     return digest.of_json(sorted(trials))[:FINGERPRINT_DIGITS]
 
